@@ -1,0 +1,72 @@
+"""Analytical models of hexapod walking robots: kinematics, gaits, posture control, simulation, stability.
+
+Everything is loaded when it is first used, so that importing hexakin costs next to nothing::
+
+    import hexakin as hk
+    robot = hk.load_robot("athena")
+    p_body_foot = hk.forward_kinematics(robot, q)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_NAMES = {
+    "load_robot": "robot_file",
+    "Robot": "robot",
+    "forward_kinematics": "kinematics",
+    "inverse_kinematics": "kinematics",
+    "jacobian": "kinematics",
+    "PostureController": "posture",
+    "simulate": "simulation",
+    "Recording": "recording",
+    "load_recording": "recording",
+}
+_MODULES = (
+    "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
+    "stability", "swing", "symbolic", "terrain", "transforms", "urdf",
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from hexakin import (
+        engines,
+        exceptions,
+        figures,
+        gait,
+        kinematics,
+        measures,
+        paper,
+        posture,
+        stability,
+        swing,
+        symbolic,
+        terrain,
+        transforms,
+        urdf,
+    )
+    from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian
+    from hexakin.posture import PostureController
+    from hexakin.recording import Recording, load_recording
+    from hexakin.robot import Robot
+    from hexakin.robot_file import load_robot
+    from hexakin.simulation import simulate
+
+__all__ = [*_NAMES, *_MODULES]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _NAMES:
+        value = getattr(importlib.import_module(f"hexakin.{_NAMES[name]}"), name)
+    elif name in _MODULES:
+        value = importlib.import_module(f"hexakin.{name}")
+    else:
+        raise AttributeError(f"module 'hexakin' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,59 @@
+"""What every simulation engine offers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+from numpy.typing import ArrayLike
+
+from hexakin.robot import Robot
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array
+
+
+class Reading(NamedTuple):
+    """State and sensors after a control tick.
+
+    ``T_world_body`` (4, 4), ``body_velocity`` (3,) [m/s] of the body's origin in the world,
+    ``body_angular_velocity`` (3,) [rad/s] in the body frame (the IMU), ``q`` (L, 3) [rad], ``joint_torque``
+    (L, 3) [N m] of the servos at the last step. Normal contact forces [N] as means over the tick's steps:
+    ``foot_force`` (L,), ``torso_force`` and ``limb_force`` (coxae, femora and tibiae together).
+    ``penetration`` [m] is the deepest of any contact in the tick.
+    """
+
+    T_world_body: Array
+    body_velocity: Array
+    body_angular_velocity: Array
+    q: Array
+    joint_torque: Array
+    foot_force: Array
+    torso_force: float
+    limb_force: float
+    penetration: float
+
+
+class Engine(ABC):
+    """A robot on a terrain with servo-driven joints. Use as a context manager; it owns a simulator."""
+
+    @abstractmethod
+    def __init__(self, robot: Robot, terrain: Terrain, *, time_step: float, friction: float, restitution: float):
+        """Load robot and terrain. ``time_step`` [s]; ``friction`` and ``restitution`` hold for every contact."""
+
+    @abstractmethod
+    def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
+        """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
+
+    @abstractmethod
+    def advance(self, q_command: ArrayLike, num_steps: int) -> Reading:
+        """Drive the servos towards ``q_command`` (L, 3) [rad] for this many time steps and read the sensors."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Free the simulator."""
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()

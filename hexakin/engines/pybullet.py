@@ -1,0 +1,199 @@
+"""The PyBullet engine: Featherstone multibody with Bullet's projected Gauss-Seidel contacts."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.engines.base import Engine, Reading
+from hexakin.exceptions import MissingPackageError, SimulationError
+from hexakin.robot import NUM_JOINTS, Robot
+from hexakin.terrain import HalfSpace, Terrain
+from hexakin.transforms import Array, check_array, check_number
+from hexakin.urdf import to_urdf
+
+GRAVITY = 9.81  # [m/s^2]
+_HALF_EXTENT = 50.0  # [m]
+
+
+@contextlib.contextmanager
+def _quiet_stdout() -> Iterator[None]:
+    """PyBullet prints its build time to C's stdout at import, past sys.stdout."""
+    saved = os.dup(1)
+    try:
+        with open(os.devnull, "w") as null:
+            os.dup2(null.fileno(), 1)
+            yield
+    finally:
+        if os.name == "posix":
+            ctypes.CDLL(None).fflush(None)  # C's buffer still holds the line
+        os.dup2(saved, 1)
+        os.close(saved)
+
+
+try:
+    with _quiet_stdout():
+        import pybullet
+except ImportError as error:
+    raise MissingPackageError(
+        "pybullet", 'engine "pybullet"', "pip install pybullet (wheels up to CPython 3.11)"
+    ) from error
+
+
+class PyBulletEngine(Engine):
+    """ATHENA-like robots in PyBullet.
+
+    The servo is Bullet's joint motor: position gain rate * time_step per step and velocity gain 1 make
+    it drive the joint at rate * (command - angle), inside the solver and limited in torque.
+    Bullet multiplies the two partners' coefficients, so that the ground gets 1 and the robot the value.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain,
+        *,
+        time_step: float = 0.001,
+        friction: float = 0.9,
+        restitution: float = 0.5,
+        solver_iterations: int = 50,
+    ):
+        self._robot = robot
+        self._time_step = check_number("time_step", time_step, above=0.0, unit="s")
+        check_number("friction", friction, at_least=0.0)
+        check_number("restitution", restitution, at_least=0.0, at_most=1.0)
+        self._client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=time_step,
+            numSolverIterations=solver_iterations,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self._client,
+        )
+        for shape in terrain.shapes():
+            self._add_ground(shape)
+        self._body = self._load(robot)
+        links = range(-1, pybullet.getNumJoints(self._body, physicsClientId=self._client))
+        per_leg = NUM_JOINTS + 1
+        self._joints = [per_leg * leg + k for leg in range(robot.num_legs) for k in range(NUM_JOINTS)]
+        self._foot_of_link = {per_leg * leg + NUM_JOINTS: leg for leg in range(robot.num_legs)}
+        for link in links:
+            pybullet.changeDynamics(
+                self._body,
+                link,
+                lateralFriction=friction,
+                rollingFriction=0.0,
+                spinningFriction=0.0,
+                restitution=restitution,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                physicsClientId=self._client,
+            )
+
+    def _add_ground(self, shape: HalfSpace) -> None:
+        plane = pybullet.createCollisionShape(
+            pybullet.GEOM_PLANE, planeNormal=list(shape.normal), physicsClientId=self._client
+        )
+        ground = pybullet.createMultiBody(
+            baseMass=0.0, baseCollisionShapeIndex=plane, basePosition=list(shape.point), physicsClientId=self._client
+        )
+        pybullet.changeDynamics(
+            ground, -1, lateralFriction=1.0, restitution=1.0, rollingFriction=0.0, spinningFriction=0.0,
+            physicsClientId=self._client,
+        )  # fmt: skip
+
+    def _load(self, robot: Robot) -> int:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "robot.urdf"
+            path.write_text(to_urdf(robot), encoding="utf-8")
+            # Bullet would otherwise compute the inertias from the collision shapes.
+            flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+            return pybullet.loadURDF(str(path), flags=flags, physicsClientId=self._client)
+
+    def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
+        """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
+        T = check_array("T_world_body", T_world_body, (4, 4))
+        angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
+        # The URDF's base frame is the body frame; Bullet places the base by its centre of mass.
+        center = T[:3, :3] @ self._robot.torso.center_of_mass + T[:3, 3]
+        quaternion = _quat_xyzw(T[:3, :3])
+        pybullet.resetBasePositionAndOrientation(self._body, center, quaternion, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(self._body, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
+        for joint, angle in zip(self._joints, angles.ravel(), strict=True):
+            pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
+
+    def advance(self, q_command: ArrayLike, num_steps: int) -> Reading:
+        """Drive the servos towards ``q_command`` (L, 3) [rad] for this many time steps and read the sensors."""
+        robot, count = self._robot, len(self._joints)
+        target = check_array("q_command", q_command, (robot.num_legs, NUM_JOINTS), ("leg", "joint")).ravel()
+        pybullet.setJointMotorControlArray(
+            self._body,
+            self._joints,
+            pybullet.POSITION_CONTROL,
+            targetPositions=target.tolist(),
+            targetVelocities=[0.0] * count,
+            forces=[robot.servo.max_torque] * count,
+            positionGains=[robot.servo.rate * self._time_step] * count,
+            velocityGains=[1.0] * count,
+            physicsClientId=self._client,
+        )
+        foot, torso, limb, depth = np.zeros(robot.num_legs), 0.0, 0.0, 0.0
+        for _ in range(num_steps):
+            pybullet.stepSimulation(physicsClientId=self._client)
+            for contact in pybullet.getContactPoints(bodyA=self._body, physicsClientId=self._client):
+                link, force = contact[3], contact[9]
+                depth = max(depth, -contact[8])
+                if link in self._foot_of_link:
+                    foot[self._foot_of_link[link]] += force
+                elif link < 0:
+                    torso += force
+                else:
+                    limb += force
+        return self._read(foot / num_steps, torso / num_steps, limb / num_steps, depth)
+
+    def _read(self, foot: Array, torso: float, limb: float, depth: float) -> Reading:
+        client, shape = self._client, (self._robot.num_legs, NUM_JOINTS)
+        states = pybullet.getJointStates(self._body, self._joints, physicsClientId=client)
+        center, quaternion = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
+        velocity, angular = pybullet.getBaseVelocity(self._body, physicsClientId=client)
+        T = np.eye(4)
+        T[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(quaternion), (3, 3))
+        lever = T[:3, :3] @ self._robot.torso.center_of_mass
+        T[:3, 3] = np.array(center) - lever
+        q = np.array([state[0] for state in states]).reshape(shape)
+        if not (np.isfinite(T).all() and np.isfinite(q).all()):
+            raise SimulationError(
+                f"pybullet: the state is no longer finite at a time step of {self._time_step:g} s; use a smaller one"
+            )
+        return Reading(
+            T_world_body=T,
+            body_velocity=np.array(velocity) - np.cross(angular, lever),
+            body_angular_velocity=T[:3, :3].T @ np.array(angular),
+            q=q,
+            joint_torque=np.array([state[3] for state in states]).reshape(shape),
+            foot_force=foot,
+            torso_force=torso,
+            limb_force=limb,
+            penetration=depth,
+        )
+
+    def close(self) -> None:
+        """Disconnect from the physics server; the engine cannot be used any more."""
+        if self._client >= 0:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+
+def _quat_xyzw(rotation: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_quat()

@@ -1,0 +1,209 @@
+"""Drawing on given axes, in one style; positions come in metres and are shown in millimetres.
+
+Nothing is computed here beyond what a drawing needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import FancyBboxPatch
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import ArrayLike
+
+from hexakin.kinematics import forward_kinematics, segment_poses
+from hexakin.robot import SEGMENT_NAMES, Robot
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, transform_points
+
+# Okabe and Ito's colours, which stay apart for colour-blind readers.
+BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
+LEG_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#999933", "#332288")
+SIMPLE, CONTROLLED = GREY, BLUE
+MM = 1e3
+
+STYLE: dict[str, Any] = {
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "axes.prop_cycle": plt.cycler(color=LEG_COLOURS),
+}
+
+
+def use_style() -> None:
+    """Set the style of every figure that follows."""
+    plt.rcParams.update(STYLE)  # type: ignore[arg-type]
+
+
+def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimuth: float = -60.0) -> Any:
+    """Return 3D axes with millimetre labels and the drawing order left to the caller."""
+    ax = figure.add_subplot(position, projection="3d", computed_zorder=False)
+    ax.view_init(elev=elevation, azim=azimuth)
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.pane.set_alpha(0.0)
+        axis.set_major_locator(plt.MaxNLocator(4))
+    return ax
+
+
+def set_equal_3d(ax: Any, low: ArrayLike, high: ArrayLike) -> None:
+    """Show the box from ``low`` to ``high`` (3,) [m] with equal scales."""
+    lower, upper = np.asarray(low) * MM, np.asarray(high) * MM
+    ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
+    ax.set_box_aspect(upper - lower, zoom=1.15)
+
+
+def _prism(T: Array, center: ArrayLike, size: ArrayLike) -> Array:
+    """Six faces (6, 4, 3) of a box in the world."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = transform_points(T, np.asarray(center) + signs * np.asarray(size) / 2.0)
+    faces = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    return corners[np.array(faces)]
+
+
+def _sphere(center: Array, radius: float) -> Array:
+    """Facets (m, 4, 3) of a sphere."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 11), np.linspace(0, np.pi, 7), indexing="ij")
+    p = center + radius * np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1)
+    return np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+
+
+def draw_robot(
+    ax: Any, robot: Robot, q: ArrayLike, T_world_body: ArrayLike | None = None, *, labels: bool = True
+) -> None:
+    """Draw the robot's boxes and spheres; ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); leg numbers count from 1."""
+    T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
+    feet = transform_points(T, forward_kinematics(robot, q))
+    segments = segment_poses(robot, q)
+    faces = [_prism(T, robot.torso.center_of_mass, robot.torso.size)]
+    colours: list[str] = ["#b0b0b0"] * 6
+    for leg in range(robot.num_legs):
+        colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
+        for k, name in enumerate(SEGMENT_NAMES):
+            body = robot.segments[name]
+            slim = body.size * [1.0, 0.5, 0.5]  # half as thick as they are, so that the joints can be seen
+            faces.append(_prism(T @ segments[leg, k], body.center_of_mass, slim))
+            colours += [colour] * 6
+        sphere = _sphere(feet[leg], robot.foot_radius)
+        faces.append(sphere)
+        colours += ["#404040"] * len(sphere)
+    polygons = np.concatenate(faces) * MM
+    ax.add_collection3d(
+        Poly3DCollection(polygons, facecolors=colours, edgecolors="k", linewidths=0.15, zorder=3, shade=True)
+    )
+    if labels:
+        for leg, foot in enumerate(feet):
+            outward = (foot - T[:3, 3]) * [1.0, 1.0, 0.0]
+            ax.text(
+                *((foot + 0.05 * outward / np.linalg.norm(outward)) * MM),
+                str(leg + 1),
+                ha="center",
+                va="center",
+                zorder=4,
+                fontweight="bold",
+            )
+
+
+def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool = True, length: float = 0.03) -> None:
+    """Draw one leg (index from 0) as lines between its joints, with the frame at each joint and at the foot."""
+    q = np.asarray(q, dtype=float)
+    poses = segment_poses(robot, q)[leg]
+    foot = forward_kinematics(robot, q)[leg]
+    points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
+    ax.plot(*points.T, "-", color="k", lw=2.5, zorder=2)
+    ax.plot(*points[1:-1].T, "o", color="w", mec="k", ms=8, zorder=3)
+    ax.plot(*points[-1:].T, "o", color="#404040", ms=10, zorder=3)
+    if frames:
+        for T in [np.eye(4), *poses]:
+            draw_frame(ax, T, length)
+
+
+def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
+    """Draw a frame's x (red), y (green) and z (blue) axes, ``length`` [m] long."""
+    T = np.asarray(T)
+    segments = [np.stack([T[:3, 3], T[:3, 3] + length * T[:3, k]]) * MM for k in range(3)]
+    ax.add_collection3d(Line3DCollection(segments, colors=[RED, GREEN, BLUE], linewidths=1.8, zorder=4))
+
+
+def draw_terrain(
+    ax: Any, terrain: Terrain, low: tuple[float, float], high: tuple[float, float], *, spacing: float = 0.05
+) -> None:
+    """Draw the ground between ``low`` and ``high`` (x, y) [m] as a grid of tiles."""
+    x = np.arange(low[0], high[0] + spacing / 2, spacing)
+    y = np.arange(low[1], high[1] + spacing / 2, spacing)
+    X, Y = np.meshgrid(x, y)
+    p = np.stack([X, Y, terrain.height(X, Y)], axis=-1) * MM
+    tiles = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+    checker = (np.add.outer(np.arange(len(y) - 1), np.arange(len(x) - 1)) % 2).ravel()
+    colours = np.where(checker[:, None] == 0, [0.93, 0.91, 0.85], [0.85, 0.82, 0.74])
+    ax.add_collection3d(Poly3DCollection(tiles, facecolors=colours, edgecolors="none", zorder=0))
+
+
+def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = ORANGE, arrow: float = 0.1) -> None:
+    """Draw a triangle of feet (3, 3) [m] and its unit normal (3,)."""
+    triangle = np.asarray(points) * MM
+    ax.add_collection3d(Poly3DCollection([triangle], facecolors=colour, alpha=0.4, edgecolors=colour, zorder=1))
+    center, tip = triangle.mean(axis=0), triangle.mean(axis=0) + arrow * MM * np.asarray(normal)
+    ax.quiver(*center, *(tip - center), color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
+
+
+def box_groups(
+    ax: Axes, groups: Sequence[ArrayLike], labels: Sequence[str], colours: Sequence[str], ylabel: str
+) -> None:
+    """Box plots in groups side by side: ``groups[g]`` (repeats, n) gives one thin box for each repeat."""
+    width, position, ticks = 0.7, 0.0, []
+    for sample, colour in zip(groups, colours, strict=True):
+        values = np.asarray(sample)
+        places = position + np.arange(len(values))
+        ax.boxplot(
+            list(values),
+            positions=list(places),
+            widths=width,
+            patch_artist=True,
+            manage_ticks=False,
+            flierprops={"marker": ".", "markersize": 2, "markeredgecolor": colour},
+            boxprops={"facecolor": colour, "alpha": 0.6, "linewidth": 0.6},
+            medianprops={"color": "k", "linewidth": 1.2},
+            whiskerprops={"linewidth": 0.6},
+            capprops={"linewidth": 0.6},
+        )
+        ticks.append(float(places.mean()))
+        position = places[-1] + 2.0
+    ax.set_xticks(ticks, labels)
+    ax.set_ylabel(ylabel)
+    ax.grid(axis="x", visible=False)
+
+
+def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
+    """Draw a flow chart: ``steps`` name -> (x, y, text) in axis units, ``arrows`` (from, to, label)."""
+    ax.axis("off")
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    drawn = {}
+    for name, (x, y, text) in steps.items():
+        colour = "#fff3d6" if text.endswith("?") else "#e3eef7"
+        drawn[name] = ax.text(
+            x, y, text, ha="center", va="center", fontsize=8, zorder=3,
+            bbox={"boxstyle": "round,pad=0.5", "facecolor": colour, "edgecolor": "k", "linewidth": 0.8},
+        )  # fmt: skip
+    ax.figure.canvas.draw()
+    for start, end, label in arrows:
+        (x0, y0, _), (x1, y1, _) = steps[start], steps[end]
+        patches: list[FancyBboxPatch | None] = [drawn[start].get_bbox_patch(), drawn[end].get_bbox_patch()]
+        ax.annotate(
+            "", (x1, y1), (x0, y0),
+            arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 0.9, "patchA": patches[0], "patchB": patches[1]},
+        )  # fmt: skip
+        if label:
+            ax.text((x0 + x1) / 2, (y0 + y1) / 2, label, fontsize=8, ha="center", va="center",
+                    bbox={"facecolor": "w", "edgecolor": "none", "pad": 1})  # fmt: skip

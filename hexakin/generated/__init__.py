@@ -1,0 +1,5 @@
+"""Generated kinematics of the shipped leg types, each named after the first robot that has it."""
+
+MODULES = {
+    "classical: p0 0 p1 0 | q0 0 p2 pi/2 | q1 0 p3 0 | q2 0 p4 0": "athena",
+}

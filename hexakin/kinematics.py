@@ -1,0 +1,210 @@
+"""Forward and inverse kinematics and Jacobians of all legs, broadcasting over leading axes."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType, SimpleNamespace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
+from hexakin.generated import MODULES
+from hexakin.robot import LegTable, Robot
+from hexakin.transforms import Array, axis_rotation, check_array, pose
+
+BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+"""Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
+
+_LIMIT_TOLERANCE = 1e-9  # [rad]: rounding must not push a pose on its limit out of it
+# Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since
+# a stretched leg's own forward kinematics lands outside by rounding.
+_REACH_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True)
+class InverseSolution:
+    """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
+
+    ``q`` (..., L, 3) or (..., L, 4, 3) [rad] in (-pi, pi], NaN where not reachable;
+    ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
+    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` [m] from the leg's
+    second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
+    """
+
+    q: Array
+    reachable: NDArray[np.bool_]
+    within_limits: NDArray[np.bool_]
+    branch: NDArray[np.int_]
+    distance: Array
+    reach: Array
+
+
+@lru_cache(maxsize=64)
+def _code(table: LegTable) -> ModuleType | SimpleNamespace:
+    """Numeric functions of a leg type: prepared ones if there are, else derived now."""
+    module = MODULES.get(table.type_key)
+    if module is not None:
+        return importlib.import_module(f"hexakin.generated.{module}")
+    from hexakin.symbolic import generate
+
+    namespace: dict[str, Any] = {}
+    exec(compile(generate(table), f"<leg type {table.type_key}>", "exec"), namespace)  # our own generated source
+    return SimpleNamespace(**{name: namespace[name] for name in ("forward", "jacobian", "inverse")})
+
+
+def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
+    """Foot positions in the body frame (A(12)).
+
+    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m]. Raises InvalidInputError for a wrong shape or an angle
+    that is not finite, naming leg and joint.
+    """
+    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    return _code(robot.table).forward(robot.parameters, angles)
+
+
+def jacobian(robot: Robot, q: ArrayLike) -> Array:
+    """Derivative of each foot's position in the body frame by its leg's angles.
+
+    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
+    """
+    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    return _code(robot.table).jacobian(robot.parameters, angles)
+
+
+def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
+    """Whether all three angles of each leg keep their limits: ``q`` (..., L, 3) [rad] -> (..., L)."""
+    return _inside(robot, check_array("q", q, (robot.num_legs, 3), ("leg", "joint")))
+
+
+def inverse_kinematics(
+    robot: Robot,
+    p_body_foot: ArrayLike,
+    *,
+    branch: Literal["standing", "all"] = "standing",
+    near: ArrayLike | None = None,
+    on_unreachable: Literal["mark", "raise"] = "mark",
+) -> InverseSolution:
+    """Joint angles that bring the feet to ``p_body_foot`` (..., L, 3) [m] in the body frame (A(14)-(18)).
+
+    The branch is that of the standing pose, or the one nearest to the angles ``near`` (..., L, 3), or
+    all four with ``branch="all"``. A foot on the first joint's axis leaves its first angle free: 0 is
+    returned. With ``on_unreachable="raise"`` the first unreachable foot raises UnreachableError, which
+    names leg, distance and reach; otherwise ``reachable`` says which are not, and their angles are NaN.
+    Raises InvalidInputError for a wrong shape or a position that is not finite, and UnknownNameError
+    for an unknown option.
+    """
+    foot = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    if branch not in ("standing", "all"):
+        raise UnknownNameError("branch", branch, ["standing", "all"])
+    if on_unreachable not in ("mark", "raise"):
+        raise UnknownNameError("on_unreachable", on_unreachable, ["mark", "raise"])
+    if near is not None and branch == "all":
+        raise InvalidInputError('near: choose either the branch nearest to it or branch="all", not both')
+    if branch == "all" or near is not None:
+        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS)
+        if near is not None:
+            solution = _nearest(solution, check_array("near", near, (robot.num_legs, 3), ("leg", "joint")))
+    else:
+        index = standing_branch(robot)
+        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index : index + 1])
+        solution = _pick(solution, np.zeros(foot.shape[:-1], dtype=int), np.full(foot.shape[:-1], index))
+    if on_unreachable == "raise":
+        _raise_if_unreachable(solution, many=branch == "all")
+    return solution
+
+
+@lru_cache(maxsize=64)
+def _standing_branch(table: LegTable, values: tuple[float, ...], standing: tuple[float, ...]) -> int:
+    p, q = np.array(values), np.array(standing)
+    code = _code(table)
+    foot = code.forward(p, q)
+    angles = np.stack(np.broadcast_arrays(*code.inverse(p, foot, BRANCH_SIGNS[:, 0], BRANCH_SIGNS[:, 1])[0]), axis=-1)
+    return int(np.argmin(np.abs(_wrapped(angles - q)).max(axis=-1)))
+
+
+def standing_branch(robot: Robot) -> int:
+    """Index into ``BRANCH_SIGNS`` of the branch that holds the robot's standing pose."""
+    return _standing_branch(robot.table, tuple(robot.parameters[0]), tuple(robot.standing_q))
+
+
+def standing_height(robot: Robot) -> float:
+    """Height [m] of the body's origin above the ground when the robot stands: its reference height."""
+    feet = forward_kinematics(robot, standing_pose(robot))
+    return float(robot.foot_radius - feet[:, 2].min())
+
+
+def standing_pose(robot: Robot) -> Array:
+    """Joint angles (L, 3) [rad] of the standing pose."""
+    return np.tile(robot.standing_q, (robot.num_legs, 1))
+
+
+def segment_poses(robot: Robot, q: ArrayLike) -> Array:
+    """Pose in the body frame of each segment's frame (origin at its joint, x towards the next joint).
+
+    ``q`` (L, 3) [rad] -> (L, 3, 4, 4), the segments in the order coxa, femur, tibia.
+    """
+    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    result = np.empty((robot.num_legs, 3, 4, 4))
+    for leg in range(robot.num_legs):
+        fixed, frames, T = robot.fixed_poses(leg), robot.segment_poses(leg), np.eye(4)
+        for k in range(3):
+            T = T @ fixed[k] @ pose(axis_rotation([0.0, 0.0, 1.0], angles[leg, k]), np.zeros(3))
+            result[leg, k] = T @ frames[k]
+    return result
+
+
+def _wrapped(angle: Array) -> Array:
+    """Angles in (-pi, pi]."""
+    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+
+
+def _inside(robot: Robot, q: Array) -> NDArray[np.bool_]:
+    low, high = robot.joint_limits.T
+    return np.all((q >= low - _LIMIT_TOLERANCE) & (q <= high + _LIMIT_TOLERANCE), axis=-1)
+
+
+def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolution:
+    """Solve every branch in ``signs`` (b, 2) for feet (..., L, 1, 3)."""
+    p = robot.parameters[:, None, :]
+    angles, clearance, outer, inner, distance, reach = _code(robot.table).inverse(p, foot, signs[:, 0], signs[:, 1])
+    shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, len(signs)))
+    bounds = np.stack([np.broadcast_to(bound, shape) for bound in reach], axis=-1)
+    tolerance = _REACH_TOLERANCE * bounds[..., 1] ** 2
+    reachable = np.broadcast_to((clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance), shape)
+    q = _wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1))
+    q = np.where(reachable[..., None], q, np.nan)
+    indices = np.broadcast_to(np.arange(len(signs)), shape)
+    return InverseSolution(q, reachable, _inside(robot, q), indices, np.broadcast_to(distance, shape), bounds)
+
+
+def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:
+    def take(values: np.ndarray) -> Any:
+        extra = values.ndim - position.ndim - 1
+        index = position[(..., *[None] * (extra + 1))]
+        return np.take_along_axis(values, index, axis=position.ndim).squeeze(axis=position.ndim)
+
+    s = solution
+    return InverseSolution(take(s.q), take(s.reachable), take(s.within_limits), branch, take(s.distance), take(s.reach))
+
+
+def _nearest(solution: InverseSolution, near: Array) -> InverseSolution:
+    change = np.abs(_wrapped(solution.q - near[..., None, :])).max(axis=-1)
+    # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
+    position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
+    shape = np.broadcast_shapes(position.shape, near.shape[:-1])
+    return _pick(solution, np.broadcast_to(position, shape), np.broadcast_to(position, shape))
+
+
+def _raise_if_unreachable(solution: InverseSolution, many: bool) -> None:
+    reachable = solution.reachable.any(axis=-1) if many else solution.reachable
+    if reachable.all():
+        return
+    index = tuple(int(i) for i in np.argwhere(~reachable)[0])
+    at = (*index, 0) if many else index
+    low, high = solution.reach[at]
+    where = ", ".join(map(str, index[:-1]))
+    raise UnreachableError(index[-1] + 1, float(solution.distance[at]), (float(low), float(high)), where)

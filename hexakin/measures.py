@@ -1,0 +1,94 @@
+"""Paper A's measures: root mean squares per gait cycle, medians and quartiles over cycles (A section 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.recording import Recording
+from hexakin.transforms import Array, check_array, read_only
+
+
+class Quartiles(NamedTuple):
+    """Lower quartile, median and upper quartile of a sample."""
+
+    lower: float
+    median: float
+    upper: float
+
+    @property
+    def iqr(self) -> float:
+        """Interquartile range."""
+        return self.upper - self.lower
+
+
+@dataclass(frozen=True)
+class CycleMeasures:
+    """Root mean square in each whole gait cycle, (n_cycles,) each.
+
+    ``height`` [m] of the torso, ``pitch_rate`` and ``roll_rate`` [rad/s]. ``torso_contact`` and ``limb_contact``
+    are the shares of the cycle's ticks in which the torso, or a limb other than a foot, touched the ground.
+    """
+
+    height: Array
+    pitch_rate: Array
+    roll_rate: Array
+    torso_contact: Array
+    limb_contact: Array
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+def rms(values: ArrayLike) -> float:
+    """Root mean square of a sample (n,)."""
+    sample = check_array("values", values, ())
+    if sample.size == 0:
+        raise InvalidInputError("values: the root mean square of an empty sample is not defined")
+    return float(np.sqrt(np.mean(sample**2)))
+
+
+def quartiles(values: ArrayLike) -> Quartiles:
+    """Quartiles of a sample (n,), linearly interpolated; raises InvalidInputError for an empty one or a NaN."""
+    sample = check_array("values", values, ())
+    if sample.size == 0:
+        raise InvalidInputError("values: the quartiles of an empty sample are not defined")
+    return Quartiles(*(float(value) for value in np.percentile(sample, [25, 50, 75])))
+
+
+def body_rates(recording: Recording) -> tuple[Array, Array]:
+    """Pitch rate about the axis to the right and roll rate about the axis ahead, (n,) each [rad/s]."""
+    omega = recording.body_angular_velocity
+    return omega @ recording.right, omega @ recording.forward
+
+
+def per_cycle(recording: Recording) -> CycleMeasures:
+    """Measures of every gait cycle that the recording holds whole.
+
+    Raises InvalidInputError if there is none.
+    """
+    cycle = recording.cycle
+    # The last cycle is whole only if the recording goes on into the next one or ends with it.
+    lengths = np.bincount(cycle)
+    shortest = round(
+        recording.parameters["phases_per_cycle"]
+        * recording.parameters["controller"]["phase_duration"]
+        * recording.parameters["control_rate"]
+    )
+    whole = [k for k, length in enumerate(lengths) if k < cycle[-1] or length >= shortest]
+    if not whole:
+        raise InvalidInputError(f"recording: {recording.time[-1]:g} s hold no whole gait cycle")
+    pitch, roll = body_rates(recording)
+    ticks = [cycle == k for k in whole]
+    return CycleMeasures(
+        height=np.array([rms(recording.height[t]) for t in ticks]),
+        pitch_rate=np.array([rms(pitch[t]) for t in ticks]),
+        roll_rate=np.array([rms(roll[t]) for t in ticks]),
+        torso_contact=np.array([np.mean(recording.torso_force[t] > 0.0) for t in ticks]),
+        limb_contact=np.array([np.mean(recording.limb_force[t] > 0.0) for t in ticks]),
+    )

@@ -1,0 +1,202 @@
+"""Paper A's walking controller: tripod gait with height and posture control (A section 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin.control import Command, Observation
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.gait import Gait, tripod
+from hexakin.ground_plane import ground_plane, slope_angles, supporting_feet
+from hexakin.kinematics import forward_kinematics, inverse_kinematics, standing_height
+from hexakin.robot import Robot
+from hexakin.swing import bezier, stance_line, swing_control_points
+from hexakin.transforms import Array, axis_rotation, check_number
+
+READINGS = ("as_printed", "rotate_foothold")
+STARTS = ("actual", "command")
+FIRST_PHASES = ("full_stride", "half_stride")
+
+
+@dataclass(frozen=True)
+class PostureController:
+    """Tripod gait with A's control of height (k_z), pitch (k_alpha) and roll (k_beta).
+
+    All gains zero are the paper's "simple control".
+
+    Parameters
+    ----------
+    robot:
+        The robot to walk; six legs.
+    k_z, k_alpha, k_beta:
+        Gains in [0, 1] (A(27), A(29)).
+    stride, apex:
+        Length and rise of a swing [m]; assumed, the paper gives neither.
+    phase_duration:
+        t_g [s], the duration of one swing.
+    reading:
+        How A(28)-(31) move a stance foot. ``"as_printed"``: every foot by the same rotated displacement.
+        ``"rotate_foothold"``: the foothold itself is turned too, so that the torso turns to the ground.
+    start_from:
+        Where a phase begins: at the foot of the ``"actual"`` joint angles (A(12)) or of the last ``"command"``.
+    reference_height:
+        Height [m] to keep; None is the standing height of the robot.
+    first_phase:
+        ``"full_stride"`` from the standing footholds, or ``"half_stride"``, which centres the strokes on them.
+    estimate_every:
+        Phases between estimates of slope and height: 1, or 2 for once a gait cycle.
+    extension_speed, max_extension:
+        How fast [m/s] and how far [m] feet without contact reach down for it at a phase change (A Fig. 6).
+    seed:
+        Chooses the triples of feet.
+
+    Raises InvalidInputError or UnknownNameError for a parameter out of its range.
+    """
+
+    robot: Robot
+    k_z: float = 0.8
+    k_alpha: float = 0.6
+    k_beta: float = 0.0
+    stride: float = 0.05
+    apex: float = 0.03
+    phase_duration: float = 1.0
+    reading: str = "as_printed"
+    start_from: str = "actual"
+    reference_height: float | None = None
+    first_phase: str = "full_stride"
+    estimate_every: int = 1
+    extension_speed: float = 0.05
+    max_extension: float = 0.03
+    seed: int = 0
+    gait: Gait = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("k_z", "k_alpha", "k_beta"):
+            check_number(name, getattr(self, name), at_least=0.0, at_most=1.0)
+        for name in ("phase_duration", "extension_speed"):
+            check_number(name, getattr(self, name), above=0.0)
+        for name in ("stride", "apex", "max_extension"):
+            check_number(name, getattr(self, name), at_least=0.0, unit="m")
+        check_number("estimate_every", self.estimate_every, at_least=1)
+        options = {"reading": READINGS, "start_from": STARTS, "first_phase": FIRST_PHASES}
+        for name, known in options.items():
+            if getattr(self, name) not in known:
+                raise UnknownNameError(name, getattr(self, name), list(known))
+        if self.reference_height is not None:
+            check_number("reference_height", self.reference_height, above=0.0, unit="m")
+        object.__setattr__(self, "gait", tripod(self.robot))
+
+    @property
+    def phases_per_cycle(self) -> int:
+        """Gait phases in a cycle."""
+        return self.gait.phases_per_cycle
+
+    @property
+    def reference(self) -> float:
+        """The height [m] that k_z pulls towards."""
+        return standing_height(self.robot) if self.reference_height is None else self.reference_height
+
+    def parameters(self) -> dict[str, Any]:
+        """Every parameter but the robot, by name."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("robot", "gait")}
+
+    def start(self, observation: Observation, control_rate: float) -> PostureRun:
+        """Begin a run that is asked for a command ``control_rate`` [Hz] times a second."""
+        return PostureRun(self, observation, control_rate)
+
+    def swing_displacement(self, delta_z: float) -> Array:
+        """Where a swing ends relative to its start (3,) [m], A(27)."""
+        return self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
+
+    def stance_displacement(self, p_body_foot: Array, delta_z: float, delta_alpha: float, delta_beta: float) -> Array:
+        """Where stance feet (L, 3) [m] end relative to their start, (L, 3), A(28)-(31)."""
+        pitch = axis_rotation(self.robot.right, self.k_alpha * delta_alpha)
+        roll = axis_rotation(self.robot.forward, self.k_beta * delta_beta)
+        rotation = pitch @ roll
+        # A(30)
+        t = -self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
+        if self.reading == "as_printed":
+            # A(29): the translation of the product is the rotated vector, the same for every foot.
+            return np.broadcast_to(rotation @ t, p_body_foot.shape)
+        return (p_body_foot + t) @ rotation - p_body_foot  # rows: R^T (p_0 + t) - p_0
+
+
+class PostureRun:
+    """One run of a PostureController; the state that it carries from tick to tick."""
+
+    def __init__(self, controller: PostureController, observation: Observation, control_rate: float):
+        self._controller = controller
+        ticks = controller.phase_duration * control_rate
+        if abs(ticks - round(ticks)) > 1e-9 or round(ticks) < 1:
+            raise InvalidInputError(
+                f"phase_duration: {controller.phase_duration:g} s is not a whole number of ticks at {control_rate:g} Hz"
+            )
+        self._ticks_per_phase = round(ticks)
+        self._extension_step = controller.extension_speed / control_rate
+        self._rng = np.random.default_rng(controller.seed)
+        self._q = np.array(observation.q)
+        self._phase, self._tick, self._extended = 0, 0, 0.0
+        self._delta_z = self._delta_alpha = self._delta_beta = 0.0
+        self._misfit = float("nan")
+
+    def command(self, observation: Observation) -> Command:
+        """Return the command of this tick; at a phase change the ground is sensed first (A Fig. 6)."""
+        if self._tick == 0:
+            support = supporting_feet(observation.foot_force)
+            feet = forward_kinematics(self._controller.robot, observation.q)
+            sensing = self._phase % self._controller.estimate_every == 0
+            if sensing:
+                plane = ground_plane(feet, support, self._rng)
+                if plane is None and self._extended < self._controller.max_extension and not support.all():
+                    return self._extend(support)
+                if plane is not None:
+                    self._delta_alpha, self._delta_beta = slope_angles(self._controller.robot, plane.normal)
+                    self._misfit = plane.misfit
+                self._delta_z = observation.height - self._controller.reference
+            self._begin_phase(observation)
+        self._tick += 1
+        phase = self._tick / self._ticks_per_phase
+        swing = self._controller.gait.swinging(self._phase)
+        target = np.where(swing[:, None], bezier(self._swing, phase), stance_line(self._start, self._stance, phase))
+        command = self._answer(target, stance=~swing, extending=False)
+        if self._tick == self._ticks_per_phase:
+            self._phase, self._tick, self._extended = self._phase + 1, 0, 0.0
+        return command
+
+    def _begin_phase(self, observation: Observation) -> None:
+        c = self._controller
+        q = observation.q if c.start_from == "actual" else self._q
+        self._start = forward_kinematics(c.robot, q)
+        part = 0.5 if c.first_phase == "half_stride" and self._phase == 0 else 1.0
+        swing = part * c.swing_displacement(self._delta_z)
+        self._stance = part * c.stance_displacement(self._start, self._delta_z, self._delta_alpha, self._delta_beta)
+        self._swing = swing_control_points(self._start, swing, c.robot.forward, part * c.stride, c.apex)
+
+    def _extend(self, support: NDArray[np.bool_]) -> Command:
+        """Fewer than three usable contacts: every foot without one goes on downwards, the others wait."""
+        self._extended += self._extension_step
+        down = np.where(support[:, None], 0.0, [0.0, 0.0, -self._extension_step])
+        target = forward_kinematics(self._controller.robot, self._q) + down
+        return self._answer(target, stance=np.ones(len(support), dtype=bool), extending=True)
+
+    def _answer(self, target: Array, *, stance: NDArray[np.bool_], extending: bool) -> Command:
+        robot = self._controller.robot
+        solution = inverse_kinematics(robot, target)
+        # An unreachable foot keeps its last command, one beyond a joint limit stops at it; both are reported.
+        q = np.where(solution.reachable[:, None], solution.q, self._q)
+        self._q = np.clip(q, *robot.joint_limits.T)
+        return Command(
+            self._q,
+            stance,
+            self._phase,
+            extending,
+            ~solution.within_limits,
+            self._delta_z,
+            self._delta_alpha,
+            self._delta_beta,
+            self._misfit,
+        )

@@ -1,0 +1,135 @@
+"""What a simulation leaves behind: time series per control tick and the parameters that made them."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin.exceptions import RecordingError
+from hexakin.transforms import Array
+
+_FORMAT = "hexakin-recording-1"
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Time series of n control ticks of a robot with L legs; row k is the instant ``time[k]``.
+
+    ==========================  ===========  =====  ==================================================
+    field                       shape        unit
+    ==========================  ===========  =====  ==================================================
+    time                        (n,)         s      start of the tick
+    T_world_body                (n, 4, 4)    m      pose of the body in the world
+    body_velocity               (n, 3)       m/s    of the body's origin, in the world frame
+    body_angular_velocity       (n, 3)       rad/s  in the body frame (the IMU)
+    height                      (n,)         m      infrared range: body origin to ground, body downwards
+    q                           (n, L, 3)    rad    joint angles
+    q_command                   (n, L, 3)    rad    what the servos were told at this instant
+    joint_torque                (n, L, 3)    N m    of the servos, last physics step before this instant
+    p_body_foot                 (n, L, 3)    m      foot centres in the body frame
+    foot_force                  (n, L)       N      normal, mean over the tick before
+    torso_force, limb_force     (n,)         N      normal, mean over the tick before
+    penetration                 (n,)         m      deepest contact of the tick before
+    phase                       (n,)         1      running number of the gait phase
+    stance                      (n, L)       bool   legs commanded to carry
+    extending                   (n,)         bool   feet are reaching for lost ground
+    limited                     (n, L)       bool   foot target clipped (out of reach or joint limits)
+    delta_z                     (n,)         m      height error in use
+    delta_alpha, delta_beta     (n,)         rad    estimated slope in use, pitch and roll
+    plane_misfit                (n,)         m      largest distance of another supporting foot from the plane
+    ==========================  ===========  =====  ==================================================
+
+    ``parameters`` is a JSON-like mapping: robot, terrain, controller, engine, steps, seed and versions.
+    """
+
+    time: Array
+    T_world_body: Array
+    body_velocity: Array
+    body_angular_velocity: Array
+    height: Array
+    q: Array
+    q_command: Array
+    joint_torque: Array
+    p_body_foot: Array
+    foot_force: Array
+    torso_force: Array
+    limb_force: Array
+    penetration: Array
+    phase: NDArray[np.int_]
+    stance: NDArray[np.bool_]
+    extending: NDArray[np.bool_]
+    limited: NDArray[np.bool_]
+    delta_z: Array
+    delta_alpha: Array
+    delta_beta: Array
+    plane_misfit: Array
+    parameters: Mapping[str, Any]
+
+    @property
+    def num_legs(self) -> int:
+        """Number of legs L."""
+        return self.q.shape[1]
+
+    @property
+    def cycle(self) -> NDArray[np.int_]:
+        """Running number (n,) of the gait cycle."""
+        return self.phase // int(self.parameters["phases_per_cycle"])
+
+    @property
+    def forward(self) -> Array:
+        """Unit vector (3,) of walking in the body frame."""
+        return np.array(self.parameters["robot"]["forward"])
+
+    @property
+    def right(self) -> Array:
+        """Unit vector (3,) to the right of walking in the body frame."""
+        return np.cross(self.forward, [0.0, 0.0, 1.0])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a NumPy ``.npz`` archive; the file appears whole or not at all."""
+        target = Path(path)
+        if target.suffix != ".npz":
+            target = target.with_name(target.name + ".npz")
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "parameters"}
+        try:
+            with open(temporary, "wb") as stream:
+                np.savez_compressed(stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters)), **arrays)
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def load_recording(path: str | os.PathLike[str]) -> Recording:
+    """Read what ``Recording.save`` wrote.
+
+    Raises RecordingError, naming file and fault, for a file that is missing, truncated, damaged or of another kind.
+    """
+    names = [field.name for field in fields(Recording) if field.name != "parameters"]
+    try:
+        with np.load(Path(path), allow_pickle=False) as archive:
+            if "format" not in archive or str(archive["format"]) != _FORMAT:
+                raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
+            missing = [name for name in [*names, "parameters"] if name not in archive]
+            if missing:
+                raise RecordingError(f"{path}: lacks {', '.join(missing)}")
+            arrays = {name: archive[name] for name in names}
+            parameters = json.loads(str(archive["parameters"]))
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path}: no such file") from error
+    except (zipfile.BadZipFile, EOFError, OSError, ValueError, KeyError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"{path}: truncated or damaged, not readable as a recording ({error})") from error
+    lengths = {name: len(array) for name, array in arrays.items() if len(array) != len(arrays["time"])}
+    if lengths:
+        raise RecordingError(f"{path}: {lengths} ticks, expected {len(arrays['time'])} as in time")
+    return Recording(**arrays, parameters=parameters)

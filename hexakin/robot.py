@@ -1,0 +1,211 @@
+"""The frozen description of a legged robot: legs as Denavit-Hartenberg tables, masses, limits, servos."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+from hexakin.transforms import Array, axis_rotation, pose, read_only, rotation_between
+
+NUM_JOINTS = 3
+"""Actuated joints per leg."""
+
+SEGMENT_NAMES = ("coxa", "femur", "tibia")
+"""One rigid segment behind each joint; the foot is fixed to the last."""
+
+_PI_MULTIPLE = re.compile(r"([+-]?)(\d+)?\*?pi(?:/(\d+))?")
+
+
+def pi_multiple(entry: str | int) -> Fraction | None:
+    """Return the multiple of pi that ``entry`` stands for (``"-pi/2"`` gives -1/2, 0 gives 0), or None."""
+    if entry == 0:
+        return Fraction(0)
+    match = _PI_MULTIPLE.fullmatch(str(entry).replace(" ", ""))
+    if not match or match[3] == "0":
+        return None
+    return Fraction(int(match[2] or 1), int(match[3] or 1)) * (-1 if match[1] == "-" else 1)
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One row of a Denavit-Hartenberg table; an entry is 0, a multiple of pi such as ``"pi/2"``, or a name."""
+
+    theta: str | int
+    d: str | int
+    a: str | int
+    alpha: str | int
+
+
+@dataclass(frozen=True)
+class LegTable:
+    """The Denavit-Hartenberg table of a leg; ``joints`` are the names among its theta entries that move.
+
+    ``convention`` is ``"classical"``, Rz(theta) Tz(d) Tx(a) Rx(alpha) per row (A Table 3), or
+    ``"modified"``, Rx(alpha) Tx(a) Rz(theta) Tz(d) per row (Khalil's, paper B).
+    """
+
+    convention: str
+    rows: tuple[DHRow, ...]
+    joints: tuple[str, ...]
+
+    @cached_property
+    def motions(self) -> tuple[tuple[str, str | int], ...]:
+        """The table as elementary motions in order, such as ``("rz", "theta_1")``; zeros are left out."""
+        motions: list[tuple[str, str | int]] = []
+        for row in self.rows:
+            screw_z, screw_x = [("rz", row.theta), ("tz", row.d)], [("tx", row.a), ("rx", row.alpha)]
+            motions += screw_z + screw_x if self.convention == "classical" else screw_x[::-1] + screw_z
+        return tuple((motion, entry) for motion, entry in motions if entry != 0)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names in the table that are not joints, in order of appearance."""
+        names = [str(e) for _, e in self.motions if pi_multiple(e) is None and e not in self.joints]
+        return tuple(dict.fromkeys(names))
+
+    def canonical(self) -> LegTable:
+        """Return the table with joints named q0, q1, q2 and parameters p0, p1, ...: legs of one type are then equal."""
+        names = {name: f"q{i}" for i, name in enumerate(self.joints)}
+        names |= {name: f"p{i}" for i, name in enumerate(self.parameters)}
+        rows = [DHRow(*(names.get(str(e), e) for e in (r.theta, r.d, r.a, r.alpha))) for r in self.rows]
+        return LegTable(self.convention, tuple(rows), tuple(names[joint] for joint in self.joints))
+
+    @cached_property
+    def type_key(self) -> str:
+        """One line that is equal for tables of one leg type, whatever they call their lengths."""
+        rows = (f"{row.theta} {row.d} {row.a} {row.alpha}" for row in self.canonical().rows)
+        return f"{self.convention}: " + " | ".join(rows)
+
+    def fixed_poses(self, values: Mapping[str, float]) -> Array:
+        """Return the constant pose before each joint and the one behind the last, (4, 4, 4), for parameter ``values``.
+
+        Joint k turns about the z axis of the frame that pose k leads to.
+        """
+        poses = [np.eye(4)]
+        for motion, entry in self.motions:
+            if entry in self.joints:
+                poses.append(np.eye(4))
+                continue
+            exact = pi_multiple(entry)
+            value = float(exact) * np.pi if exact is not None else values[str(entry)]
+            axis = np.eye(3)["xyz".index(motion[1])]
+            step = pose(axis_rotation(axis, value), np.zeros(3)) if motion[0] == "r" else pose(np.eye(3), value * axis)
+            poses[-1] = poses[-1] @ step
+        return np.array(poses)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body: ``mass`` [kg], ``center_of_mass`` (3,) [m] and ``inertia`` (3, 3) [kg m^2] about it.
+
+    ``size`` (3,) [m] are the edges of its box (or three times the diameter of a foot's sphere). Axes are
+    those of the body frame for the torso and those of the segment frame for a limb: origin at the
+    segment's joint, x towards the next joint.
+    """
+
+    mass: float
+    center_of_mass: Array
+    inertia: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        for name in ("center_of_mass", "inertia", "size"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg: its name and the values of the table's parameters [m, rad]."""
+
+    name: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Servo:
+    """A velocity servo: the joint is driven at ``rate`` * (command - angle) [1/s], at most ``max_torque`` [N m]."""
+
+    max_torque: float
+    rate: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A legged robot. Build one with ``hexakin.load_robot``.
+
+    ``forward`` is the unit vector of walking in the body frame (z is up). ``joint_limits`` is (3, 2)
+    [rad], ``standing_q`` (3,) [rad]; both hold for every leg. ``sources`` maps a field's path in the
+    file to where its value comes from.
+    """
+
+    name: str
+    reference: str
+    forward: Array
+    table: LegTable
+    legs: tuple[Leg, ...]
+    torso: Body
+    segments: Mapping[str, Body]
+    foot: Body
+    joint_limits: Array
+    standing_q: Array
+    servo: Servo
+    sources: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("forward", "joint_limits", "standing_q"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        for name in ("segments", "sources"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __reduce__(self) -> tuple:
+        """Pickle by value: read-only mappings cannot be pickled themselves."""
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        values |= {"segments": dict(self.segments), "sources": dict(self.sources)}
+        return _rebuild, (values,)
+
+    @property
+    def num_legs(self) -> int:
+        """Number of legs L."""
+        return len(self.legs)
+
+    @property
+    def mass(self) -> float:
+        """Total mass [kg]."""
+        limb = sum(body.mass for body in self.segments.values()) + self.foot.mass
+        return self.torso.mass + self.num_legs * limb
+
+    @property
+    def foot_radius(self) -> float:
+        """Radius of the spherical foot [m]."""
+        return float(self.foot.size[0]) / 2.0
+
+    @property
+    def right(self) -> Array:
+        """Unit vector (3,) to the right of the forward axis, in the body frame: the pitch axis of paper A."""
+        return np.cross(self.forward, [0.0, 0.0, 1.0])
+
+    @cached_property
+    def parameters(self) -> Array:
+        """Values of the table's parameters, (L, n), in the order of ``table.canonical()``."""
+        return read_only([[leg.values[name] for name in self.table.parameters] for leg in self.legs])
+
+    def fixed_poses(self, leg: int) -> Array:
+        """Return the constant poses of leg ``leg`` (index from 0) around its joints; see ``LegTable.fixed_poses``."""
+        return self.table.fixed_poses(self.legs[leg].values)
+
+    def segment_poses(self, leg: int) -> Array:
+        """Pose (3, 4, 4) of each segment's frame (x towards the next joint) in the frame of its joint."""
+        ends = self.fixed_poses(leg)[1:, :3, 3]
+        return np.array(
+            [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
+        )
+
+
+def _rebuild(values: dict) -> Robot:
+    return Robot(**values)

@@ -1,0 +1,156 @@
+"""The closed loop: a controller at its control rate on a simulated robot (A section 5.1)."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+from hexakin.control import Command, Controller, Observation
+from hexakin.engines import Engine, Reading, engine_class
+from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.kinematics import forward_kinematics, standing_height, standing_pose
+from hexakin.recording import Recording
+from hexakin.robot import Robot
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_number, pose, rotation_between
+
+_START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
+_VERSIONED = ("hexakin", "numpy", "pybullet")
+
+
+def simulate(
+    robot: Robot,
+    terrain: Terrain,
+    controller: Controller,
+    *,
+    engine: str = "pybullet",
+    duration: float = 50.0,
+    time_step: float = 0.001,
+    control_rate: float = 20.0,
+    friction: float = 0.9,
+    restitution: float = 0.5,
+    seed: int = 0,
+    perturbation: float = 0.02,
+    settling_time: float = 1.0,
+    **engine_options: Any,
+) -> Recording:
+    """Walk ``robot`` over ``terrain`` and record what happens.
+
+    The robot is put on the terrain at the origin, upright on its local slope, in the standing pose
+    with each angle off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
+    [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and
+    ``time_step`` in s. Equal arguments give equal recordings.
+
+    Raises UnknownNameError for an unknown engine, InvalidInputError for a terrain or number that cannot
+    be used, SimulationError when the state is no longer finite or the robot falls out of the scene.
+    """
+    if not isinstance(terrain, Terrain):
+        raise UnknownNameError("terrain", terrain, ["hexakin.terrain.Plane(...)", "hexakin.terrain.Ramp(...)"])
+    if controller.robot is not robot and controller.robot.name != robot.name:
+        raise InvalidInputError(f"controller: made for robot {controller.robot.name!r}, asked to walk {robot.name!r}")
+    for name, value in {"duration": duration, "time_step": time_step, "control_rate": control_rate}.items():
+        check_number(name, value, above=0.0)
+    check_number("perturbation", perturbation, at_least=0.0, unit="rad")
+    check_number("settling_time", settling_time, at_least=0.0, unit="s")
+    steps_per_tick = _whole(1.0 / control_rate / time_step, f"control tick of {1.0 / control_rate:g} s", time_step)
+    num_ticks = max(1, round(duration * control_rate))
+    settling_ticks = max(1, round(settling_time * control_rate))
+
+    rng = np.random.default_rng(seed)
+    q_start = standing_pose(robot) + rng.uniform(-perturbation, perturbation, (robot.num_legs, 3))
+    q_start = np.clip(q_start, *robot.joint_limits.T)
+    make_engine = engine_class(engine)
+    options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
+    with make_engine(robot, terrain, **options) as simulator:
+        simulator.place(starting_pose(robot, terrain, q_start), q_start)
+        reading = simulator.advance(q_start, settling_ticks * steps_per_tick)
+        reading = simulator.advance(q_start, steps_per_tick)
+        rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, steps_per_tick)
+    parameters = {
+        "robot": {
+            "name": robot.name,
+            "num_legs": robot.num_legs,
+            "mass": robot.mass,
+            "forward": robot.forward.tolist(),
+        },
+        "terrain": repr(terrain),
+        "controller": {"name": type(controller).__name__, **controller.parameters()},
+        "phases_per_cycle": controller.phases_per_cycle,
+        "engine": engine,
+        **options,
+        "duration": duration,
+        "control_rate": control_rate,
+        "seed": seed,
+        "perturbation": perturbation,
+        "settling_time": settling_time,
+        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _VERSIONED},
+    }
+    return _recording(robot, rows, control_rate, parameters)
+
+
+def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:
+    """Pose (4, 4) of the body over the origin, upright on the local slope, the lowest foot just off the ground."""
+    normal = terrain.normal(0.0, 0.0)
+    rotation = rotation_between([0.0, 0.0, 1.0], normal)
+    ground = np.array([0.0, 0.0, float(terrain.height(0.0, 0.0))])
+    T = pose(rotation, ground + standing_height(robot) * normal)
+    feet = forward_kinematics(robot, q) @ rotation.T + T[:3, 3]
+    clearance = (feet[:, 2] - terrain.height(feet[:, 0], feet[:, 1])) * normal[2] - robot.foot_radius
+    T[:3, 3] += (_START_CLEARANCE - float(clearance.min())) * normal
+    return T
+
+
+def _whole(ratio: float, what: str, time_step: float) -> int:
+    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+        raise InvalidInputError(f"time_step: {time_step:g} s does not divide the {what}")
+    return round(ratio)
+
+
+def torso_height(terrain: Terrain, T_world_body: Array) -> float:
+    """Infrared range [m]: from the body's origin along its downward axis to the ground; inf if it sees none."""
+    return float(terrain.distance_along(T_world_body[:3, 3], -T_world_body[:3, 2]))
+
+
+def _walk(
+    simulator: Engine,
+    terrain: Terrain,
+    controller: Controller,
+    reading: Reading,
+    control_rate: float,
+    num_ticks: int,
+    steps_per_tick: int,
+) -> list[tuple[Reading, Command, float]]:
+    rows: list[tuple[Reading, Command, float]] = []
+    run = None
+    for tick in range(num_ticks):
+        height = torso_height(terrain, reading.T_world_body)
+        if not np.isfinite(height):
+            raise SimulationError(
+                f"t = {tick / control_rate:g} s: no ground below the torso; the robot has turned over"
+            )
+        observation = Observation(tick / control_rate, reading.q, reading.foot_force, height)
+        run = run or controller.start(observation, control_rate)
+        command = run.command(observation)
+        rows.append((reading, command, height))
+        reading = simulator.advance(command.q, steps_per_tick)
+    return rows
+
+
+def _recording(
+    robot: Robot, rows: list[tuple[Reading, Command, float]], control_rate: float, parameters: dict[str, Any]
+) -> Recording:
+    readings, commands, heights = zip(*rows, strict=True)
+    sensed = {name: np.array([getattr(r, name) for r in readings]) for name in Reading._fields}
+    commanded = {name: np.array([getattr(c, name) for c in commands]) for name in Command._fields if name != "q"}
+    return Recording(
+        time=np.arange(len(rows)) / control_rate,
+        height=np.array(heights),
+        q_command=np.array([command.q for command in commands]),
+        p_body_foot=forward_kinematics(robot, sensed["q"]),
+        **sensed,
+        **commanded,
+        parameters=parameters,
+    )

@@ -1,0 +1,127 @@
+"""Support polygon, zero-moment point and stability margin (A(32)-(33))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.recording import Recording
+from hexakin.transforms import Array, check_array
+
+
+class ZMP(NamedTuple):
+    """Zero-moment point: ``xy`` (..., 2) [m], NaN where not ``defined`` (...), that is, where no foot carries."""
+
+    xy: Array
+    defined: NDArray[np.bool_]
+
+
+def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
+    """A(32): the mean of the feet weighted by their normal forces.
+
+    ``p_foot`` (..., L, 2 or 3) [m], ``foot_force`` (..., L) [N], not negative; the result is in the frame of
+    ``p_foot``. As a convex combination it cannot leave the hull of the loaded feet, and it leaves out any
+    force on the torso, so that it means nothing while the torso drags.
+    """
+    feet = np.asarray(p_foot, dtype=float)[..., :2]
+    force = check_array("foot_force", foot_force, (feet.shape[-2],), ("leg",))
+    if (force < 0.0).any():
+        raise InvalidInputError(f"foot_force: {force.min():g} N, expected at least 0")
+    total = force.sum(axis=-1)
+    defined = total > 0.0
+    # A(32)
+    moment = np.einsum("...l,...lk->...k", force, feet)
+    xy = np.divide(moment, total[..., None], out=np.full(moment.shape, np.nan), where=defined[..., None])
+    return ZMP(xy, defined)
+
+
+def zmp(recording: Recording) -> ZMP:
+    """A(32) at every tick of a recording, (n, 2) [m] in the body frame (x to the right for ATHENA)."""
+    return zero_moment_point(recording.p_body_foot, recording.foot_force)
+
+
+def support_polygon(p: ArrayLike) -> Array | None:
+    """Convex hull of feet (k, 2 or 3) [m] seen from above: vertices (m, 2), counter-clockwise.
+
+    None with fewer than three feet, or with feet on one line: there is no polygon.
+    """
+    points = np.asarray(p, dtype=float)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise InvalidInputError(f"p: expected shape (k, 2) or (k, 3), got {points.shape}")
+    points = check_array("p", points, (points.shape[1],), ("coordinate",))[:, :2]
+    if len(points) < 3:
+        return None
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return None
+    return points[hull.vertices]
+
+
+def centroid(polygon: ArrayLike) -> Array:
+    """Centroid (2,) [m] of the area of a counter-clockwise polygon (m, 2)."""
+    a = np.asarray(polygon, dtype=float)
+    b = np.roll(a, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    return ((a + b) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+
+
+def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
+    """A(33), signed: distance [m] of ``point`` (2,) to the nearest edge, negative outside; NaN without a polygon.
+
+    ``polygon`` (m, 2) is convex and counter-clockwise, as ``support_polygon`` returns it.
+    """
+    if polygon is None:
+        return float("nan")
+    a = np.asarray(polygon, dtype=float)
+    p = np.asarray(point, dtype=float)[:2]
+    edge = np.roll(a, -1, axis=0) - a
+    along = np.clip(np.einsum("ij,ij->i", p - a, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
+    # A(33)
+    distance = float(np.linalg.norm(p - a - along[:, None] * edge, axis=1).min())
+    side = edge[:, 0] * (p - a)[:, 1] - edge[:, 1] * (p - a)[:, 0]
+    return distance if (side >= 0.0).all() else -distance
+
+
+@dataclass(frozen=True)
+class StabilitySeries:
+    """Stability at every tick of a recording, (n,) each.
+
+    ``centroid_distance`` and ``margin`` [m] are NaN where not ``defined``: fewer than three feet or feet in
+    line, or no foot loaded. ``body_touches`` marks ticks in which the torso or a limb carries too, where A(32)
+    leaves out a force; leave these out of statistics.
+    """
+
+    centroid_distance: Array
+    margin: Array
+    defined: NDArray[np.bool_]
+    body_touches: NDArray[np.bool_]
+
+
+def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -> StabilitySeries:
+    """Distance from the ZMP to the support polygon's centroid and stability margin (A Figs 18-19).
+
+    The polygon is of the ``"loaded"`` feet, which the ZMP of A(32) cannot leave, or of the feet that are
+    commanded to be in ``"stance"``, which it can.
+    """
+    if feet not in ("loaded", "stance"):
+        raise UnknownNameError("feet", feet, ["loaded", "stance"])
+    point = zmp(recording)
+    if feet == "loaded":
+        carrying = recording.foot_force > 0.0
+    else:
+        # The forces of row k were measured under the command of row k - 1.
+        carrying = np.vstack([recording.stance[:1], recording.stance[:-1]])
+    distance, edge = np.full((2, len(recording.time)), np.nan)
+    for k in np.flatnonzero(point.defined):
+        polygon = support_polygon(recording.p_body_foot[k, carrying[k]])
+        if polygon is not None:
+            distance[k] = np.linalg.norm(point.xy[k] - centroid(polygon))
+            edge[k] = margin(point.xy[k], polygon)
+    touches = (recording.torso_force > 0.0) | (recording.limb_force > 0.0)
+    return StabilitySeries(distance, edge, np.isfinite(distance), touches)

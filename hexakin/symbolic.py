@@ -1,0 +1,278 @@
+"""Symbolic kinematics of a leg, derived by sympy from its Denavit-Hartenberg table.
+
+``derive`` gives the expressions; ``generate`` turns them into NumPy source. The code of the shipped
+leg types lies in ``hexakin.generated``, rewritten by ``python -m hexakin.symbolic``; a leg type that
+is not there is derived when it is first used. This is the only module that imports sympy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import sympy as sp
+from sympy.printing.numpy import NumPyPrinter
+
+from hexakin.exceptions import NoClosedFormError
+from hexakin.robot import LegTable, pi_multiple
+from hexakin.robot_file import DATA, load_robot
+
+BRANCH_SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+"""Signs (side of the first joint, knee) of the four branches of the inverse, in the order of every result."""
+
+
+@dataclass(frozen=True)
+class InverseExpressions:
+    """The closed-form inverse of a leg for a foot at (x, y, z) in the body frame.
+
+    ``q`` holds the three angles for the signs ``side`` (+1: the leg's plane is entered facing the foot;
+    -1: turned by half a turn) and ``knee``. A branch exists where ``clearance``, ``outer`` and ``inner``
+    [m^2] are not negative: the foot is not too close to the first axis for the leg's offset, not
+    beyond the stretched leg, not within the folded one. ``distance`` [m] is from the second joint to
+    the foot, ``reach`` (inner, outer) its bounds.
+    """
+
+    x: sp.Symbol
+    y: sp.Symbol
+    z: sp.Symbol
+    side: sp.Symbol
+    knee: sp.Symbol
+    q: tuple[sp.Expr, sp.Expr, sp.Expr]
+    clearance: sp.Expr
+    outer: sp.Expr
+    inner: sp.Expr
+    distance: sp.Expr
+    reach: tuple[sp.Expr, sp.Expr]
+
+
+@dataclass(frozen=True)
+class LegKinematics:
+    """Symbolic kinematics of one leg type; every property is derived from ``table`` alone."""
+
+    table: LegTable
+
+    def symbol(self, name: str) -> sp.Symbol:
+        """Return the real symbol that stands for a joint or parameter of the table."""
+        return sp.Symbol(name, real=True)
+
+    @property
+    def joints(self) -> tuple[sp.Symbol, ...]:
+        """The three joint symbols."""
+        return tuple(self.symbol(name) for name in self.table.joints)
+
+    @property
+    def parameters(self) -> tuple[sp.Symbol, ...]:
+        """The symbols of the table's lengths and fixed angles."""
+        return tuple(self.symbol(name) for name in self.table.parameters)
+
+    def _value(self, entry: str | int) -> sp.Expr:
+        exact = pi_multiple(entry)
+        return self.symbol(str(entry)) if exact is None else sp.Rational(exact.numerator, exact.denominator) * sp.pi
+
+    def _chain(self, motions: tuple[tuple[str, str | int], ...]) -> sp.Matrix:
+        """Multiply elementary motions into a 4 x 4 matrix.
+
+        Rotations about the same axis that follow each other are added before they are expanded, so
+        that parallel joints give sums of angles at once and nothing needs to be simplified.
+        """
+        word: list[tuple[str, sp.Expr]] = []
+        position = sp.zeros(3, 1)
+        for motion, entry in motions:
+            kind, axis, value = motion[0], motion[1], self._value(entry)
+            if kind == "r" and word and word[-1][0] == axis:
+                word[-1] = (axis, word[-1][1] + value)
+            elif kind == "r":
+                word.append((axis, value))
+            else:
+                position += _rotation(word)[:, "xyz".index(axis)] * value
+        return sp.Matrix(sp.BlockMatrix([[_rotation(word), position], [sp.zeros(1, 3), sp.ones(1, 1)]]))
+
+    def transform(self, start: int, stop: int) -> sp.Matrix:
+        """Transformation from frame ``start`` to frame ``stop`` of the table, such as T_01 for (0, 1)."""
+        rows = LegTable(self.table.convention, self.table.rows[start:stop], ())
+        return self._chain(rows.motions)
+
+    @cached_property
+    def forward(self) -> sp.Matrix:
+        """The foot's pose in the body frame, 4 x 4 (A(11))."""
+        return self._chain(self.table.motions)
+
+    @cached_property
+    def foot(self) -> sp.Matrix:
+        """The foot's position in the body frame, 3 x 1 (A(12))."""
+        return self.forward[:3, 3]
+
+    @cached_property
+    def jacobian(self) -> sp.Matrix:
+        """Derivative of the foot's position by the joint angles, 3 x 3."""
+        return self.foot.jacobian(self.joints)
+
+    @cached_property
+    def inverse(self) -> InverseExpressions:
+        """The closed-form inverse with its four branches (A(14)-(18), corrected).
+
+        Paul's method: the foot is moved into the frame of the first joint and turned back by it. The
+        component without the other angles gives the first angle; the two others are a planar
+        two-link arm. Holds for legs whose second and third axes are parallel to each other and at a
+        right angle to the first; raises NoClosedFormError for another table.
+        """
+        x, y, z = sp.symbols("x y z", real=True)
+        side, knee = sp.symbols("side knee", real=True)
+        _, q2, q3 = self.joints
+        split = [entry for _, entry in self.table.motions].index(self.table.joints[0])
+        base, rest = self._chain(self.table.motions[:split]), self._chain(self.table.motions[split + 1 :])[:3, 3]
+        # A(15): the foot in frame Q, at the first joint.
+        u, v, w = base[:3, :3].T * (sp.Matrix([x, y, z]) - base[:3, 3])
+
+        offset, radial, height = rest[1], _planar_terms(rest[0], q2, q3), _planar_terms(rest[2], q2, q3)
+        if offset.has(q2, q3) or radial is None or height is None:
+            raise NoClosedFormError(f"no closed-form inverse is known for the leg table {self.table.rows}")
+        upper, lower = radial.cosine
+        mirror = sp.simplify(height.sine[0] / upper)
+        planar = radial.sine == (0, 0) and height.cosine == (0, 0) and mirror in (1, -1)
+        if not planar or sp.simplify(height.sine[1] - mirror * lower) != 0:
+            raise NoClosedFormError(f"no closed-form inverse is known for the leg table {self.table.rows}")
+
+        clearance = u**2 + v**2 - offset**2
+        if offset == 0:
+            angle_1 = sp.atan2(side * v, side * u)
+            along = side * sp.sqrt(clearance) - radial.constant
+        else:
+            along = side * sp.sqrt(sp.Max(clearance, 0))
+            angle_1 = sp.atan2(v, u) - sp.atan2(offset, along)
+            along -= radial.constant
+        up = mirror * (w - height.constant)
+        square = along**2 + up**2
+        # The half-angle form of the law of cosines keeps its accuracy for a stretched or folded leg.
+        outer, inner = (upper + lower) ** 2 - square, square - (upper - lower) ** 2
+        angle_3 = 2 * knee * sp.atan2(sp.sqrt(sp.Max(outer, 0)), sp.sqrt(sp.Max(inner, 0)))
+        angle_2 = sp.atan2(up, along) - sp.atan2(lower * sp.sin(angle_3), upper + lower * sp.cos(angle_3))
+        reach = (sp.Abs(upper - lower), upper + lower)
+        return InverseExpressions(
+            x, y, z, side, knee, (angle_1, angle_2, angle_3), clearance, outer, inner, sp.sqrt(square), reach
+        )  # fmt: skip
+
+
+def derive(table: LegTable) -> LegKinematics:
+    """Return the symbolic kinematics of a leg table, in the table's own names."""
+    return LegKinematics(table)
+
+
+def _rotation(word: list[tuple[str, sp.Expr]]) -> sp.Matrix:
+    rotation = sp.eye(3)
+    for axis, angle in word:
+        c, s = sp.cos(angle), sp.sin(angle)
+        turn = [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == "x" else [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+        rotation = rotation * sp.Matrix(turn)
+    return rotation
+
+
+@dataclass(frozen=True)
+class _PlanarTerms:
+    constant: sp.Expr
+    cosine: tuple[sp.Expr, sp.Expr]
+    sine: tuple[sp.Expr, sp.Expr]
+
+
+def _planar_terms(expression: sp.Expr, q2: sp.Symbol, q3: sp.Symbol) -> _PlanarTerms | None:
+    """Coefficients of 1, cos and sin of q2 and of q2 + q3, or None if the expression has anything else."""
+    expression = sp.expand(expression)
+    bases = [sp.cos(q2), sp.cos(q2 + q3), sp.sin(q2), sp.sin(q2 + q3)]
+    c2, c23, s2, s23 = (expression.coeff(base) for base in bases)
+    constant = sp.expand(expression - sum(k * base for k, base in zip((c2, c23, s2, s23), bases, strict=True)))
+    if any(term.has(q2, q3) for term in (c2, c23, s2, s23, constant)):
+        return None
+    return _PlanarTerms(constant, (c2, c23), (s2, s23))
+
+
+# --- code generation ---------------------------------------------------------------------------------------
+
+
+def generate(table: LegTable) -> str:
+    """NumPy source for a leg type: ``forward``, ``jacobian`` and ``inverse``, broadcasting over leading axes."""
+    leg = derive(table.canonical())
+    inverse = leg.inverse
+    read = [f"{p} = p[..., {i}]" for i, p in enumerate(leg.parameters)]
+    joints = [f"{q} = q[..., {i}]" for i, q in enumerate(leg.joints)]
+    foot = [f"{s} = foot[..., {i}]" for i, s in enumerate((inverse.x, inverse.y, inverse.z))]
+    forward = _body([*leg.foot], "numpy.stack(numpy.broadcast_arrays({}, {}, {}), axis=-1)")
+    rows = ", ".join(["numpy.stack(numpy.broadcast_arrays({}, {}, {}), axis=-1)"] * 3)
+    jacobian = _body([*leg.jacobian], f"numpy.stack(numpy.broadcast_arrays({rows}), axis=-2)")
+    results = [*inverse.q, inverse.clearance, inverse.outer, inverse.inner, inverse.distance, *inverse.reach]
+    solve = _body(results, "({}, {}, {}), {}, {}, {}, {}, ({}, {})")
+    parts = [
+        f'"""Kinematics of the leg type {table.type_key!r}.',
+        "",
+        "Generated by ``python -m hexakin.symbolic``; not to be edited.",
+        '"""',
+        "# ruff: noqa",
+        "",
+        "import numpy",
+        "",
+        "",
+        _function(
+            "forward",
+            "p, q",
+            "Return foot positions (..., 3) for parameters (..., n) and angles (..., 3).",
+            [*read, *joints, *forward],
+        ),
+        _function(
+            "jacobian",
+            "p, q",
+            "Return the derivative (..., 3, 3) of the foot position by the angles.",
+            [*read, *joints, *jacobian],
+        ),
+        _function(
+            "inverse",
+            "p, foot, side, knee",
+            "Return angles, clearance, outer, inner, distance and reach of a branch.",
+            [*read, *foot, *solve],
+        ),
+    ]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+class _Printer(NumPyPrinter):
+    """sympy prints Max as a reduction over a tuple, which does not broadcast."""
+
+    def _print_Max(self, expression: sp.Max) -> str:
+        first, *others = (self._print(argument) for argument in expression.args)
+        for other in others:
+            first = f"numpy.maximum({first}, {other})"
+        return first
+
+
+def _body(expressions: list[sp.Expr], result: str) -> list[str]:
+    """Assignments of common subexpressions and the return statement."""
+    printer = _Printer()
+    shared, reduced = sp.cse(expressions, symbols=sp.numbered_symbols("t"), order="canonical")
+    lines = [f"{name} = {printer.doprint(value)}" for name, value in shared]
+    return [*lines, "return " + result.format(*(printer.doprint(value) for value in reduced))]
+
+
+def _function(name: str, arguments: str, summary: str, lines: list[str]) -> str:
+    body = "\n".join("    " + line for line in lines)
+    return f'def {name}({arguments}):\n    """{summary}"""\n{body}\n\n'
+
+
+def generated_files() -> dict[str, str]:
+    """Return file name -> text of ``hexakin.generated`` for the leg types of all shipped robots."""
+    files: dict[str, str] = {}
+    modules: dict[str, str] = {}
+    for path in sorted((DATA / "robots").glob("*.yaml")):
+        table = load_robot(path).table
+        if table.type_key not in modules:
+            modules[table.type_key] = path.stem
+            files[f"{path.stem}.py"] = generate(table)
+    entries = "".join(f'    "{key}": "{module}",\n' for key, module in modules.items())
+    files["__init__.py"] = (
+        '"""Generated kinematics of the shipped leg types, each named after the first robot that has it."""\n\n'
+        f"MODULES = {{\n{entries}}}\n"
+    )
+    return files
+
+
+if __name__ == "__main__":
+    for name, text in generated_files().items():
+        (Path(__file__).with_name("generated") / name).write_text(text, encoding="utf-8")
