@@ -127,6 +127,49 @@ def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool
     if frames:
         for T in [np.eye(4), *poses]:
             draw_frame(ax, T, length)
+        for point, name in zip(points, ("B", *(f"joint {k + 1}" for k in range(len(poses))), "foot"), strict=True):
+            ax.text(*(point + [0.0, 0.0, -1.6 * MM * 0.01]), name, ha="left", va="top", fontsize=8, zorder=5)
+
+
+def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
+    """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
+
+    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs whose first axis is vertical and whose others are level.
+    """
+    q = np.asarray(q, dtype=float)
+    poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]
+    points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
+    mount = float(np.arctan2(points[1, 1], points[1, 0]))
+    _angle_arcs(top, points[:, :2], [0.0, mount], [mount, mount + q[leg, 0]], ("mount", robot.table.joints[0]))
+    top.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[1:, :2], axis=0), axis=1))])
+    plane = np.column_stack([along, points[1:, 2]])
+    first = q[leg, 1]
+    _angle_arcs(side, plane, [0.0, first], [first, first + q[leg, 2]], robot.table.joints[1:])
+    side.set(xlabel="from the first joint along the leg [mm]", ylabel="height [mm]", aspect="equal")
+    side.margins(0.1)
+
+
+def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float], names: Sequence[str]) -> None:
+    """Draw the polyline ``points`` (k, 2) and an arc at its first or second and following corners."""
+    ax.plot(*points.T, "k-", lw=2.5, zorder=2)
+    ax.plot(*points[:-1].T, "o", color="w", mec="k", ms=8, zorder=3)
+    ax.plot(*points[-1], "o", color="#404040", ms=10, zorder=3)
+    corners = points[:2] if names[0] == "mount" else points[1:3]
+    for corner, start, end, name, colour in zip(corners, starts, ends, names, (BLUE, RED), strict=True):
+        arc = np.linspace(start, end, 40)
+        ax.plot(corner[0] + 28 * np.cos(arc), corner[1] + 28 * np.sin(arc), color=colour)
+        ax.plot(corner[0] + [0, 45 * np.cos(start)], corner[1] + [0, 45 * np.sin(start)], ":", color=colour)
+        middle = (start + end) / 2
+        text = r"$\theta_1$" if name == "mount" else rf"$\{name}$"
+        ax.text(
+            corner[0] + 40 * np.cos(middle),
+            corner[1] + 40 * np.sin(middle),
+            text,
+            color=colour,
+            ha="center",
+            va="center",
+        )
 
 
 def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:

@@ -8,38 +8,40 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.engines.base import Engine, Reading
-from hexakin.exceptions import MissingPackageError, SimulationError
+from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot import NUM_JOINTS, Robot
 from hexakin.terrain import HalfSpace, Terrain
 from hexakin.transforms import Array, check_array, check_number
 from hexakin.urdf import to_urdf
 
 GRAVITY = 9.81  # [m/s^2]
-_HALF_EXTENT = 50.0  # [m]
 
 
 @contextlib.contextmanager
-def _quiet_stdout() -> Iterator[None]:
-    """PyBullet prints its build time to C's stdout at import, past sys.stdout."""
-    saved = os.dup(1)
+def _quiet_import() -> Iterator[None]:
+    """PyBullet prints its build time past sys.stdout and sys.stderr, straight to the process's own streams."""
+    saved = {stream: os.dup(stream) for stream in (1, 2)}
     try:
         with open(os.devnull, "w") as null:
-            os.dup2(null.fileno(), 1)
-            yield
+            for stream in saved:
+                os.dup2(null.fileno(), stream)
+        yield
     finally:
         if os.name == "posix":
-            ctypes.CDLL(None).fflush(None)  # C's buffer still holds the line
-        os.dup2(saved, 1)
-        os.close(saved)
+            ctypes.CDLL(None).fflush(None)  # C's buffer may still hold the line
+        for stream, copy in saved.items():
+            os.dup2(copy, stream)
+            os.close(copy)
 
 
 try:
-    with _quiet_stdout():
+    with _quiet_import():
         import pybullet
 except ImportError as error:
     raise MissingPackageError(
@@ -63,8 +65,11 @@ class PyBulletEngine(Engine):
         time_step: float = 0.001,
         friction: float = 0.9,
         restitution: float = 0.5,
-        solver_iterations: int = 50,
+        solver_iterations: int = 100,
+        friction_model: Literal["pyramid", "cone"] = "pyramid",
     ):
+        if friction_model not in ("pyramid", "cone"):
+            raise UnknownNameError("friction_model", friction_model, ["pyramid", "cone"])
         self._robot = robot
         self._time_step = check_number("time_step", time_step, above=0.0, unit="s")
         check_number("friction", friction, at_least=0.0)
@@ -74,6 +79,7 @@ class PyBulletEngine(Engine):
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=time_step,
             numSolverIterations=solver_iterations,
+            enableConeFriction=int(friction_model == "cone"),
             numSubSteps=0,
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,

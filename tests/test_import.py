@@ -1,0 +1,61 @@
+"""What importing hexakin costs."""
+
+import subprocess
+import sys
+
+import pytest
+
+import hexakin as hk
+
+HEAVY = ("sympy", "pinocchio", "casadi", "pybullet", "matplotlib")
+
+
+def loaded_after(code):
+    script = f"{code}\nimport sys\nprint(' '.join(m for m in {HEAVY!r} if m in sys.modules))"
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_import_loads_no_heavy_package():
+    assert loaded_after("import hexakin") == []
+
+
+def test_kinematics_of_a_shipped_robot_load_no_heavy_package():
+    code = (
+        "import hexakin as hk, numpy as np\n"
+        "robot = hk.load_robot('athena')\n"
+        "hk.inverse_kinematics(robot, hk.forward_kinematics(robot, np.zeros((6, 3))))\n"
+        "hk.jacobian(robot, np.zeros((6, 3)))"
+    )
+    assert loaded_after(code) == []
+
+
+def test_a_simulation_loads_only_its_engine():
+    code = (
+        "import hexakin as hk\nfrom hexakin.simulation import simulate\nfrom hexakin.posture import PostureController"
+    )
+    assert loaded_after(code) == []
+    assert loaded_after("import hexakin.engines.pybullet") == ["pybullet"]
+
+
+def test_importing_the_engine_prints_nothing():
+    done = subprocess.run([sys.executable, "-c", "import hexakin.engines.pybullet"], capture_output=True, check=True)
+    assert done.stdout == done.stderr == b""
+
+
+def test_every_public_name_exists_and_others_are_attribute_errors():
+    for name in hk.__all__:
+        assert getattr(hk, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'walk'"):
+        _ = hk.walk
+    assert set(hk.__all__) <= set(dir(hk))
+
+
+def test_a_missing_pybullet_is_named():
+    script = (
+        "import sys\nsys.modules['pybullet'] = None\n"
+        "from hexakin.engines import engine_class\n"
+        "from hexakin.exceptions import MissingPackageError\n"
+        "try:\n    engine_class('pybullet')\nexcept MissingPackageError as error:\n    print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "needs the package 'pybullet'" in done.stdout

@@ -1,0 +1,103 @@
+"""Physics with known answers on the PyBullet engine, and ATHENA standing."""
+
+import numpy as np
+import pytest
+
+import hexakin as hk
+from hexakin.engines import engine_class
+from hexakin.engines.pybullet import GRAVITY, PyBulletEngine
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.kinematics import standing_pose
+from hexakin.simulation import starting_pose, torso_height
+from hexakin.transforms import pose
+
+
+@pytest.fixture(scope="module")
+def standing(athena):
+    """Readings over ten seconds of standing on level ground, two a second, after one second of settling."""
+    q, plane = standing_pose(athena), hk.terrain.Plane()
+    with PyBulletEngine(athena, plane) as engine:
+        engine.place(starting_pose(athena, plane, q), q)
+        engine.advance(q, 1000)
+        return [engine.advance(q, 500) for _ in range(21)]
+
+
+def test_standing_forces_sum_to_the_weight(athena, standing):
+    for reading in standing:
+        assert reading.foot_force.sum() == pytest.approx(athena.mass * GRAVITY, rel=0.01)
+        assert (reading.foot_force > 0.0).all()
+        assert reading.torso_force == reading.limb_force == 0.0
+
+
+def test_standing_height_is_104_mm(standing):
+    for reading in standing:
+        assert torso_height(hk.terrain.Plane(), reading.T_world_body) == pytest.approx(0.104, abs=1e-3)
+
+
+def test_standing_feet_do_not_drift(athena, standing):
+    feet = np.array(
+        [hk.forward_kinematics(athena, r.q) @ r.T_world_body[:3, :3].T + r.T_world_body[:3, 3] for r in standing]
+    )
+    assert np.linalg.norm(feet - feet[0], axis=-1).max() < 1e-3
+
+
+def test_a_servo_closes_its_error_at_its_rate(athena):
+    """In free fall the legs carry no load: the error falls by exp(-rate t)."""
+    q = standing_pose(athena)
+    target = q + [0.0, 0.1, 0.0]
+    with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
+        engine.place(pose(np.eye(3), [0, 0, 5.0]), q)
+        reading = engine.advance(target, 50)
+    error = target[:, 1] - reading.q[:, 1]
+    assert error == pytest.approx(np.full(6, 0.1 * (1 - athena.servo.rate * 1e-3) ** 50), rel=0.02)
+
+
+def test_a_falling_robot_accelerates_by_gravity(athena):
+    with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
+        engine.place(pose(np.eye(3), [0, 0, 5.0]), standing_pose(athena))
+        reading = engine.advance(standing_pose(athena), 200)
+    assert reading.body_velocity == pytest.approx([0, 0, -GRAVITY * 0.2], abs=1e-6)
+    assert reading.foot_force.sum() == 0.0
+
+
+@pytest.mark.parametrize("slope_deg, holds", [(38.0, True), (46.0, False)])
+def test_a_robot_on_a_slope_holds_up_to_the_friction_angle(athena, slope_deg, holds):
+    """Friction 0.9 holds up to atan(0.9) = 42 degrees; joints are held, so that only the feet can give."""
+    ramp, q = hk.terrain.Ramp(slope=np.radians(slope_deg)), standing_pose(athena)
+    with PyBulletEngine(athena, ramp) as engine:
+        engine.place(starting_pose(athena, ramp, q), q)
+        before = engine.advance(q, 500).T_world_body[:3, 3]
+        after = engine.advance(q, 500).T_world_body[:3, 3]
+    assert (np.linalg.norm(after - before) < 2e-3) == holds
+
+
+def test_servo_torques_keep_their_limit(short_walk, athena):
+    assert np.abs(short_walk.joint_torque).max() <= athena.servo.max_torque + 1e-9
+
+
+def test_readings_place_the_body_frame_not_its_centre_of_mass(tmp_path, athena):
+    import yaml
+
+    from hexakin.robot_file import DATA
+
+    tree = yaml.safe_load((DATA / "robots" / "athena.yaml").read_text())
+    tree["torso"]["center_of_mass_mm"] = [5, -10, 20]
+    path = tmp_path / "lopsided.yaml"
+    path.write_text(yaml.safe_dump(tree))
+    robot = hk.load_robot(path)
+    T = pose(hk.transforms.axis_rotation([0, 1, 0], 0.3), [1.0, 2.0, 3.0])
+    with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-6) as engine:
+        engine.place(T, standing_pose(robot))
+        reading = engine.advance(standing_pose(robot), 1)
+    assert reading.T_world_body == pytest.approx(T, abs=1e-8)
+
+
+def test_an_unknown_engine_is_named():
+    with pytest.raises(UnknownNameError, match="unknown engine 'gazebo'; known: pybullet"):
+        engine_class("gazebo")
+
+
+@pytest.mark.parametrize("option", [{"time_step": 0.0}, {"friction": -1.0}, {"restitution": 2.0}])
+def test_impossible_options_are_named(athena, option):
+    with pytest.raises(InvalidInputError, match=next(iter(option))):
+        PyBulletEngine(athena, hk.terrain.Plane(), **option)

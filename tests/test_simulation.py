@@ -1,0 +1,113 @@
+"""The closed loop: determinism, what is recorded, the ramp's known results, bad arguments."""
+
+import numpy as np
+import pytest
+
+import hexakin as hk
+from hexakin.engines import Engine, Reading
+from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.transforms import pose
+
+
+def test_equal_arguments_give_bit_identical_recordings(athena, short_walk):
+    controller = hk.PostureController(athena)
+    again = hk.simulate(athena, hk.terrain.Ramp(), controller, duration=6.0, time_step=0.005)
+    for name in ("T_world_body", "foot_force", "q", "q_command", "delta_alpha"):
+        assert np.array_equal(getattr(short_walk, name), getattr(again, name))
+
+
+def test_another_seed_gives_another_start(athena, short_walk):
+    other = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), duration=1.0, time_step=0.005, seed=1)
+    assert np.abs(other.q[0] - short_walk.q[0]).max() > 1e-3
+
+
+def test_a_recording_has_a_row_for_every_tick_and_knows_what_made_it(short_walk):
+    n = 120
+    shapes = {"time": (n,), "T_world_body": (n, 4, 4), "q": (n, 6, 3), "foot_force": (n, 6), "stance": (n, 6)}
+    assert {name: getattr(short_walk, name).shape for name in shapes} == shapes
+    parameters = short_walk.parameters
+    assert parameters["engine"] == "pybullet"
+    assert parameters["controller"]["k_z"] == 0.8
+    assert (parameters["seed"], parameters["time_step"], parameters["friction"]) == (0, 0.005, 0.9)
+    assert "Ramp(slope=0.17" in parameters["terrain"]
+    assert set(parameters["versions"]) >= {"hexakin", "numpy", "pybullet"}
+
+
+def test_it_walks_up_the_ramp_on_its_feet(short_walk):
+    position = short_walk.T_world_body[:, :3, 3]
+    assert position[-1, 1] - position[0, 1] > 0.2
+    assert position[-1, 2] > position[0, 2]
+    assert (short_walk.torso_force == 0.0).all()
+    assert short_walk.penetration.max() < 2e-3
+    rotation = short_walk.T_world_body[:, :3, :3]
+    assert rotation @ np.swapaxes(rotation, 1, 2) == pytest.approx(np.broadcast_to(np.eye(3), (120, 3, 3)), abs=1e-12)
+
+
+def test_height_is_measured_along_the_bodys_axis(short_walk):
+    """On an inclined plane the range is the distance to the plane over the cosine of the tilt against it."""
+    normal = hk.terrain.Ramp().normal(0.0, 0.0)
+    gap = short_walk.T_world_body[:, :3, 3] @ normal
+    cosine = short_walk.T_world_body[:, :3, 2] @ normal
+    assert short_walk.height == pytest.approx(gap / cosine, abs=1e-12)
+
+
+def test_simple_control_sinks_and_height_control_does_not(athena):
+    """At a coarse step and over 12 cycles; the ramp notebook has the full runs."""
+    heights = {}
+    for k_z in (0.0, 0.8):
+        controller = hk.PostureController(athena, k_z=k_z, k_alpha=0.0)
+        recording = hk.simulate(athena, hk.terrain.Ramp(), controller, duration=24.0, time_step=0.005)
+        heights[k_z] = hk.measures.per_cycle(recording).height
+    assert heights[0.0][-1] < 0.08 < heights[0.0][0]
+    assert (np.abs(heights[0.8] - 0.1) < 0.005).all()
+
+
+def test_nothing_sinks_when_phases_start_from_the_last_command(athena):
+    controller = hk.PostureController(athena, k_z=0.0, k_alpha=0.0, start_from="command")
+    recording = hk.simulate(athena, hk.terrain.Ramp(), controller, duration=24.0, time_step=0.005)
+    assert hk.measures.per_cycle(recording).height[-1] > 0.1
+
+
+@pytest.mark.parametrize(
+    "arguments, error, message",
+    [
+        ({"engine": "ode"}, UnknownNameError, "unknown engine 'ode'"),
+        ({"duration": -1.0}, InvalidInputError, "duration: -1"),
+        ({"time_step": 0.003}, InvalidInputError, "time_step: 0.003 s does not divide the control tick of 0.05 s"),
+        ({"time_step": float("nan")}, InvalidInputError, "time_step: nan"),
+        ({"friction": float("nan")}, InvalidInputError, "friction: nan"),
+        ({"control_rate": 0.0}, InvalidInputError, "control_rate"),
+    ],
+)
+def test_bad_arguments_are_named(athena, arguments, error, message):
+    with pytest.raises(error, match=message):
+        hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), **arguments)
+
+
+def test_an_unknown_terrain_is_named(athena):
+    with pytest.raises(UnknownNameError, match="unknown terrain 'moon'"):
+        hk.simulate(athena, "moon", hk.PostureController(athena))
+
+
+class Overturned(Engine):
+    """An engine whose robot lies on its back."""
+
+    def __init__(self, robot, terrain, **options):
+        self.robot = robot
+
+    def place(self, T_world_body, q):
+        pass
+
+    def advance(self, q_command, num_steps):
+        T = pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.1])
+        zeros = np.zeros(3)
+        return Reading(T, zeros, zeros, np.asarray(q_command), np.zeros((6, 3)), np.zeros(6), 20.0, 0.0, 0.0)
+
+    def close(self):
+        pass
+
+
+def test_a_robot_that_turns_over_ends_the_simulation_by_name(athena, monkeypatch):
+    monkeypatch.setitem(hk.engines.ENGINES, "overturned", (__name__, "Overturned"))
+    with pytest.raises(SimulationError, match=r"t = 0 s: no ground below the torso"):
+        hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), engine="overturned")
