@@ -6,6 +6,17 @@ from __future__ import annotations
 class HexakinError(Exception):
     """Base of every error that hexakin raises on purpose."""
 
+    def __reduce__(self) -> tuple:
+        """Pickle by message and attributes, so that an error comes back whole from a worker process."""
+        return _rebuild, (type(self), self.args, self.__dict__)
+
+
+def _rebuild(kind: type[HexakinError], args: tuple, attributes: dict) -> HexakinError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
+
 
 class InvalidInputError(HexakinError, ValueError):
     """An argument has the wrong shape, a value that is not finite, or a value out of its range."""

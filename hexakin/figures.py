@@ -202,15 +202,15 @@ def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = O
 
 
 def box_groups(
-    ax: Axes, groups: Sequence[ArrayLike], labels: Sequence[str], colours: Sequence[str], ylabel: str
+    ax: Axes, groups: Sequence[Sequence[ArrayLike]], labels: Sequence[str], colours: Sequence[str], ylabel: str
 ) -> None:
-    """Box plots in groups side by side: ``groups[g]`` (repeats, n) gives one thin box for each repeat."""
+    """Box plots in groups side by side: ``groups[g]`` holds samples (n,), one thin box for each."""
     width, position, ticks = 0.7, 0.0, []
     for sample, colour in zip(groups, colours, strict=True):
-        values = np.asarray(sample)
+        values = [np.asarray(repeat) for repeat in sample]
         places = position + np.arange(len(values))
         ax.boxplot(
-            list(values),
+            values,
             positions=list(places),
             widths=width,
             patch_artist=True,

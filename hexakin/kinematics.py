@@ -128,18 +128,13 @@ def _standing_branch(table: LegTable, values: tuple[float, ...], standing: tuple
 
 def standing_branch(robot: Robot) -> int:
     """Index into ``BRANCH_SIGNS`` of the branch that holds the robot's standing pose."""
-    return _standing_branch(robot.table, tuple(robot.parameters[0]), tuple(robot.standing_q))
+    return _standing_branch(robot.table, tuple(robot.parameters[0]), tuple(robot.standing_q[0]))
 
 
 def standing_height(robot: Robot) -> float:
     """Height [m] of the body's origin above the ground when the robot stands: its reference height."""
-    feet = forward_kinematics(robot, standing_pose(robot))
+    feet = forward_kinematics(robot, robot.standing_q)
     return float(robot.foot_radius - feet[:, 2].min())
-
-
-def standing_pose(robot: Robot) -> Array:
-    """Joint angles (L, 3) [rad] of the standing pose."""
-    return np.tile(robot.standing_q, (robot.num_legs, 1))
 
 
 def segment_poses(robot: Robot, q: ArrayLike) -> Array:
@@ -162,8 +157,10 @@ def _wrapped(angle: Array) -> Array:
     return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
 
 
-def _inside(robot: Robot, q: Array) -> NDArray[np.bool_]:
-    low, high = robot.joint_limits.T
+def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
+    # Branches, if any, stand between the legs and the joints.
+    extra = (slice(None), *[None] * branches, slice(None))
+    low, high = robot.q_min[extra], robot.q_max[extra]
     return np.all((q >= low - _LIMIT_TOLERANCE) & (q <= high + _LIMIT_TOLERANCE), axis=-1)
 
 
@@ -178,7 +175,9 @@ def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolutio
     q = _wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1))
     q = np.where(reachable[..., None], q, np.nan)
     indices = np.broadcast_to(np.arange(len(signs)), shape)
-    return InverseSolution(q, reachable, _inside(robot, q), indices, np.broadcast_to(distance, shape), bounds)
+    return InverseSolution(
+        q, reachable, _inside(robot, q, branches=1), indices, np.broadcast_to(distance, shape), bounds
+    )
 
 
 def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:

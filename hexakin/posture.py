@@ -188,7 +188,7 @@ class PostureRun:
         solution = inverse_kinematics(robot, target)
         # An unreachable foot keeps its last command, one beyond a joint limit stops at it; both are reported.
         q = np.where(solution.reachable[:, None], solution.q, self._q)
-        self._q = np.clip(q, *robot.joint_limits.T)
+        self._q = np.clip(q, robot.q_min, robot.q_max)
         return Command(
             self._q,
             stance,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -46,18 +47,20 @@ class DHRow:
 class LegTable:
     """The Denavit-Hartenberg table of a leg; ``joints`` are the names among its theta entries that move.
 
-    ``convention`` is ``"classical"``, Rz(theta) Tz(d) Tx(a) Rx(alpha) per row (A Table 3), or
+    ``mount`` is the place (x, y, z) of the table's first frame in the body frame, unrotated; empty if it is the body
+    frame itself. ``convention`` is ``"classical"``, Rz(theta) Tz(d) Tx(a) Rx(alpha) per row (A Table 3), or
     ``"modified"``, Rx(alpha) Tx(a) Rz(theta) Tz(d) per row (Khalil's, paper B).
     """
 
     convention: str
     rows: tuple[DHRow, ...]
     joints: tuple[str, ...]
+    mount: tuple[str | int, ...] = ()
 
     @cached_property
     def motions(self) -> tuple[tuple[str, str | int], ...]:
         """The table as elementary motions in order, such as ``("rz", "theta_1")``; zeros are left out."""
-        motions: list[tuple[str, str | int]] = []
+        motions: list[tuple[str, str | int]] = list(zip(("tx", "ty", "tz"), self.mount, strict=False))
         for row in self.rows:
             screw_z, screw_x = [("rz", row.theta), ("tz", row.d)], [("tx", row.a), ("rx", row.alpha)]
             motions += screw_z + screw_x if self.convention == "classical" else screw_x[::-1] + screw_z
@@ -74,13 +77,16 @@ class LegTable:
         names = {name: f"q{i}" for i, name in enumerate(self.joints)}
         names |= {name: f"p{i}" for i, name in enumerate(self.parameters)}
         rows = [DHRow(*(names.get(str(e), e) for e in (r.theta, r.d, r.a, r.alpha))) for r in self.rows]
-        return LegTable(self.convention, tuple(rows), tuple(names[joint] for joint in self.joints))
+        mount = tuple(names.get(str(entry), entry) for entry in self.mount)
+        return LegTable(self.convention, tuple(rows), tuple(names[joint] for joint in self.joints), mount)
 
     @cached_property
     def type_key(self) -> str:
         """One line that is equal for tables of one leg type, whatever they call their lengths."""
-        rows = (f"{row.theta} {row.d} {row.a} {row.alpha}" for row in self.canonical().rows)
-        return f"{self.convention}: " + " | ".join(rows)
+        table = self.canonical()
+        rows = (f"{row.theta} {row.d} {row.a} {row.alpha}" for row in table.rows)
+        mount = f" at {' '.join(map(str, table.mount))}" if table.mount else ""
+        return f"{self.convention}{mount}: " + " | ".join(rows)
 
     def fixed_poses(self, values: Mapping[str, float]) -> Array:
         """Return the constant pose before each joint and the one behind the last, (4, 4, 4), for parameter ``values``.
@@ -139,9 +145,9 @@ class Servo:
 class Robot:
     """A legged robot. Build one with ``hexakin.load_robot``.
 
-    ``forward`` is the unit vector of walking in the body frame (z is up). ``joint_limits`` is (3, 2)
-    [rad], ``standing_q`` (3,) [rad]; both hold for every leg. ``sources`` maps a field's path in the
-    file to where its value comes from.
+    ``forward`` is the unit vector of walking in the body frame (z is up). ``joint_limits`` (L, 3, 2)
+    [rad] are the lower and upper limits, ``standing_q`` (L, 3) [rad] the angles of the standing pose.
+    ``sources`` maps a field's path in the file to where its value comes from.
     """
 
     name: str
@@ -186,6 +192,16 @@ class Robot:
         return float(self.foot.size[0]) / 2.0
 
     @property
+    def q_min(self) -> Array:
+        """Lower joint limits (L, 3) [rad]."""
+        return self.joint_limits[..., 0]
+
+    @property
+    def q_max(self) -> Array:
+        """Upper joint limits (L, 3) [rad]."""
+        return self.joint_limits[..., 1]
+
+    @property
     def right(self) -> Array:
         """Unit vector (3,) to the right of the forward axis, in the body frame: the pitch axis of paper A."""
         return np.cross(self.forward, [0.0, 0.0, 1.0])
@@ -194,6 +210,10 @@ class Robot:
     def parameters(self) -> Array:
         """Values of the table's parameters, (L, n), in the order of ``table.canonical()``."""
         return read_only([[leg.values[name] for name in self.table.parameters] for leg in self.legs])
+
+    def description(self) -> dict[str, Any]:
+        """Every value of the description as plain data, fit for JSON; sources are left out."""
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "sources"}
 
     def fixed_poses(self, leg: int) -> Array:
         """Return the constant poses of leg ``leg`` (index from 0) around its joints; see ``LegTable.fixed_poses``."""
@@ -205,6 +225,16 @@ class Robot:
         return np.array(
             [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
         )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _rebuild(values: dict) -> Robot:

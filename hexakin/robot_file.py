@@ -11,14 +11,15 @@ import math
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import yaml
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from hexakin.exceptions import RobotFileError, UnknownNameError
-from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, DHRow, Leg, LegTable, Robot, Servo, pi_multiple
+from hexakin.robot import SEGMENT_NAMES, Body, DHRow, Leg, LegTable, Robot, Servo
+from hexakin.robot_schema import BodyFields, InertiaFields, RobotFields
 
 _PACKAGE = Path(__file__).resolve().parent
 # A wheel carries data/ inside the package; a checkout has it beside the package.
@@ -50,7 +51,7 @@ def load_robot(name: str | os.PathLike[str]) -> Robot:
     sources: dict[str, str] = {}
     try:
         values = _strip(tree, "", "", sources)
-        return _build(_RobotFile.model_validate(values), sources)
+        return _build(RobotFields.model_validate(values), sources)
     except ValidationError as error:
         raise RobotFileError(f"{path}: " + "; ".join(_describe(item) for item in error.errors()[:5])) from error
     except _FieldError as error:
@@ -113,97 +114,6 @@ def _scaled(value: Any, factor: float, path: str) -> Any:
     return value * factor
 
 
-def _angle(value: Any) -> Any:
-    exact = pi_multiple(value) if isinstance(value, str) else None
-    return value if exact is None else float(exact) * math.pi
-
-
-def _entry(value: str | int) -> str | int:
-    if isinstance(value, int) and value != 0:
-        raise ValueError("a length or angle other than 0 needs a name; give its value under parameters")
-    if isinstance(value, str) and pi_multiple(value) is None and not value.isidentifier():
-        raise ValueError("expected 0, a multiple of pi such as pi/2, or a name")
-    return value
-
-
-_Number = Annotated[float, BeforeValidator(_angle), Field(allow_inf_nan=False, strict=True)]
-_Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False, strict=True)]
-_Vector = Annotated[list[_Number], Field(min_length=3, max_length=3)]
-_PositiveVector = Annotated[list[_Positive], Field(min_length=3, max_length=3)]
-_Entry = Annotated[str | int, AfterValidator(_entry)]
-
-
-class _Fields(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class _Inertia(_Fields):
-    xx: _Positive
-    yy: _Positive
-    zz: _Positive
-    xy: _Number = 0.0
-    yz: _Number = 0.0
-    xz: _Number = 0.0
-
-
-class _BodyFields(_Fields):
-    mass: _Positive
-    size: _PositiveVector
-    inertia: _Inertia
-    center_of_mass: _Vector | None = None
-
-
-class _FootFields(_Fields):
-    mass: _Positive
-    radius: _Positive
-    inertia: _Inertia
-
-
-class _RowFields(_Fields):
-    theta: _Entry
-    d: _Entry
-    a: _Entry
-    alpha: _Entry
-
-
-class _TableFields(_Fields):
-    convention: Literal["classical", "modified"]
-    joints: Annotated[list[str], Field(min_length=NUM_JOINTS, max_length=NUM_JOINTS)]
-    rows: Annotated[list[_RowFields], Field(min_length=NUM_JOINTS)]
-    parameters: dict[str, _Number] = {}
-
-
-class _LegFields(_Fields):
-    name: str
-    parameters: dict[str, _Number] = {}
-
-
-class _ServoFields(_Fields):
-    max_torque: _Positive
-    rate: _Positive
-
-
-class _SegmentsFields(_Fields):
-    coxa: _BodyFields
-    femur: _BodyFields
-    tibia: _BodyFields
-
-
-class _RobotFile(_Fields):
-    name: str
-    reference: str = ""
-    num_legs: Annotated[int, Field(ge=1, strict=True)]
-    forward: _Vector
-    torso: _BodyFields
-    leg_table: _TableFields
-    legs: list[_LegFields]
-    segments: _SegmentsFields
-    foot: _FootFields
-    joint_limits: dict[str, Annotated[list[_Number], Field(min_length=2, max_length=2)]]
-    standing: dict[str, _Number]
-    servo: _ServoFields
-
-
 def _describe(item: Any) -> str:
     location = ".".join(str(part + 1) if isinstance(part, int) else part for part in item["loc"])
     given = item["input"]
@@ -211,30 +121,21 @@ def _describe(item: Any) -> str:
     return f"{location or 'file'}: {item['msg'].removeprefix('Value error, ')}{shown}"
 
 
-def _build(file: _RobotFile, sources: dict[str, str]) -> Robot:
+def _build(file: RobotFields, sources: dict[str, str]) -> Robot:
     if len(file.legs) != file.num_legs:
         raise _FieldError(f"legs: {len(file.legs)} given, expected num_legs = {file.num_legs}")
     table = LegTable(
         file.leg_table.convention,
         tuple(DHRow(row.theta, row.d, row.a, row.alpha) for row in file.leg_table.rows),
         tuple(file.leg_table.joints),
+        tuple(file.leg_table.mount or ()),
     )
     _check_joints(table)
-    for field in ("joint_limits", "standing"):
-        given, expected = set(getattr(file, field)), set(table.joints)
-        if given != expected:
-            raise _FieldError(f"{field}: expected the joints {', '.join(table.joints)}, got {', '.join(sorted(given))}")
-    limits = np.array([file.joint_limits[joint] for joint in table.joints])
-    standing = np.array([file.standing[joint] for joint in table.joints])
-    for joint, (low, high), angle in zip(table.joints, limits, standing, strict=True):
-        if not low < high:
-            raise _FieldError(f"joint_limits.{joint}: lower limit {low:g} is not below upper limit {high:g}")
-        if not low <= angle <= high:
-            raise _FieldError(f"standing.{joint}: {angle:g} rad is outside its limits [{low:g}, {high:g}]")
     forward = np.array(file.forward)
     if abs(np.linalg.norm(forward) - 1.0) > 1e-9 or abs(forward[2]) > 1e-12:
         raise _FieldError(f"forward: expected a horizontal unit vector, got {file.forward}")
     legs = tuple(_leg(file, table, index) for index in range(file.num_legs))
+    limits, standing = zip(*(_joint_values(file, table, index) for index in range(file.num_legs)), strict=True)
     names = [leg.name for leg in legs]
     if len(set(names)) != len(names):
         raise _FieldError(f"legs: names must differ, got {', '.join(names)}")
@@ -254,8 +155,8 @@ def _build(file: _RobotFile, sources: dict[str, str]) -> Robot:
         torso=_body(file.torso, "torso", [0.0, 0.0, 0.0]),
         segments=segments,
         foot=foot,
-        joint_limits=limits,
-        standing_q=standing,
+        joint_limits=np.array(limits),
+        standing_q=np.array(standing),
         servo=Servo(file.servo.max_torque, file.servo.rate),
         sources=sources,
     )
@@ -275,7 +176,7 @@ def _check_joints(table: LegTable) -> None:
         raise _FieldError(f"leg_table.joints: must be in the order of the rows, {', '.join(map(str, order))}")
 
 
-def _leg(file: _RobotFile, table: LegTable, index: int) -> Leg:
+def _leg(file: RobotFields, table: LegTable, index: int) -> Leg:
     given = file.leg_table.parameters | file.legs[index].parameters
     missing = [name for name in table.parameters if name not in given]
     if missing:
@@ -288,7 +189,26 @@ def _leg(file: _RobotFile, table: LegTable, index: int) -> Leg:
     return Leg(file.legs[index].name, dict(given))
 
 
-def _inertia(fields: _Inertia, where: str) -> np.ndarray:
+def _joint_values(file: RobotFields, table: LegTable, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Limits (3, 2) and standing angles (3,) of a leg: its own, or else those of the file."""
+    leg = file.legs[index]
+    ranges, angles = file.joint_limits | leg.joint_limits, file.standing | leg.standing
+    for field, given in (("joint_limits", set(ranges)), ("standing", set(angles))):
+        if given != set(table.joints):
+            names = ", ".join(sorted(given)) or "none"
+            raise _FieldError(f"{field} of leg {index + 1}: expected the joints {', '.join(table.joints)}, got {names}")
+    limits = np.array([ranges[joint] for joint in table.joints])
+    standing = np.array([angles[joint] for joint in table.joints])
+    for joint, (low, high), angle in zip(table.joints, limits, standing, strict=True):
+        where = f"of leg {index + 1}"
+        if not low < high:
+            raise _FieldError(f"joint_limits.{joint} {where}: lower limit {low:g} is not below upper limit {high:g}")
+        if not low <= angle <= high:
+            raise _FieldError(f"standing.{joint} {where}: {angle:g} rad is outside its limits [{low:g}, {high:g}]")
+    return limits, standing
+
+
+def _inertia(fields: InertiaFields, where: str) -> np.ndarray:
     f = fields
     tensor = np.array([[f.xx, f.xy, f.xz], [f.xy, f.yy, f.yz], [f.xz, f.yz, f.zz]])
     moments = np.linalg.eigvalsh(tensor)
@@ -299,6 +219,6 @@ def _inertia(fields: _Inertia, where: str) -> np.ndarray:
     return tensor
 
 
-def _body(fields: _BodyFields, where: str, center: list[float]) -> Body:
+def _body(fields: BodyFields, where: str, center: list[float]) -> Body:
     center_of_mass = fields.center_of_mass if fields.center_of_mass is not None else center
     return Body(fields.mass, np.array(center_of_mass), _inertia(fields.inertia, where), np.array(fields.size))

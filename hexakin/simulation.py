@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from hexakin import __version__
 from hexakin.control import Command, Controller, Observation
 from hexakin.engines import Engine, Reading, engine_class
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
-from hexakin.kinematics import forward_kinematics, standing_height, standing_pose
+from hexakin.kinematics import forward_kinematics, standing_height
 from hexakin.recording import Recording
 from hexakin.robot import Robot
 from hexakin.terrain import Terrain
 from hexakin.transforms import Array, check_number, pose, rotation_between
 
 _START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
-_VERSIONED = ("hexakin", "numpy", "pybullet")
 
 
 def simulate(
@@ -60,8 +60,8 @@ def simulate(
     settling_ticks = max(1, round(settling_time * control_rate))
 
     rng = np.random.default_rng(seed)
-    q_start = standing_pose(robot) + rng.uniform(-perturbation, perturbation, (robot.num_legs, 3))
-    q_start = np.clip(q_start, *robot.joint_limits.T)
+    q_start = robot.standing_q + rng.uniform(-perturbation, perturbation, (robot.num_legs, 3))
+    q_start = np.clip(q_start, robot.q_min, robot.q_max)
     make_engine = engine_class(engine)
     options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
     with make_engine(robot, terrain, **options) as simulator:
@@ -70,12 +70,7 @@ def simulate(
         reading = simulator.advance(q_start, steps_per_tick)
         rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, steps_per_tick)
     parameters = {
-        "robot": {
-            "name": robot.name,
-            "num_legs": robot.num_legs,
-            "mass": robot.mass,
-            "forward": robot.forward.tolist(),
-        },
+        "robot": robot.description(),
         "terrain": repr(terrain),
         "controller": {"name": type(controller).__name__, **controller.parameters()},
         "phases_per_cycle": controller.phases_per_cycle,
@@ -86,7 +81,12 @@ def simulate(
         "seed": seed,
         "perturbation": perturbation,
         "settling_time": settling_time,
-        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _VERSIONED},
+        "versions": {
+            "python": platform.python_version(),
+            "hexakin": __version__,
+            "numpy": np.__version__,
+            **{name: metadata.version(name) for name in make_engine.packages},
+        },
     }
     return _recording(robot, rows, control_rate, parameters)
 

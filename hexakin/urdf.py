@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hexakin.exceptions import InvalidInputError
 from hexakin.robot import SEGMENT_NAMES, Body, Robot
 from hexakin.transforms import Array, pose
 
@@ -20,8 +21,11 @@ def to_urdf(robot: Robot) -> str:
 
     Links: ``torso`` and, for leg i = 1..L, ``coxa_i``, ``femur_i``, ``tibia_i`` (boxes) and ``foot_i`` (a
     sphere, fixed to the tibia). Joints: ``<joint name>_i`` in the table's names, about the local z axis. Total mass
-    and foot positions are those of the description.
+    and foot positions are those of the description. Raises InvalidInputError for a point foot (radius 0), which cannot
+    touch anything in a simulation.
     """
+    if robot.foot_radius == 0.0:
+        raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs feet that can touch")
     root = ET.Element("robot", name=robot.name)
     _link(root, TORSO, robot.torso, np.eye(4), _box(robot.torso))
     for index in range(robot.num_legs):
@@ -32,7 +36,7 @@ def to_urdf(robot: Robot) -> str:
             name, body = f"{segment}_{number}", robot.segments[segment]
             _link(root, name, body, frames[k], _box(body))
             joint = _joint(root, f"{robot.table.joints[k]}_{number}", "revolute", parent, name, fixed[k])
-            low, high = robot.joint_limits[k]
+            low, high = robot.joint_limits[index, k]
             limits = {"lower": low, "upper": high, "effort": robot.servo.max_torque, "velocity": _UNLIMITED_SPEED}
             ET.SubElement(joint, "axis", xyz="0 0 1")
             ET.SubElement(joint, "limit", {key: _text(value) for key, value in limits.items()})

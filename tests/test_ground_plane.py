@@ -12,13 +12,12 @@ from hexakin.ground_plane import (
     supporting_feet,
     usable_triples,
 )
-from hexakin.kinematics import standing_pose
 from hexakin.transforms import axis_rotation
 
 
 @pytest.fixture
 def standing_feet(athena):
-    return hk.forward_kinematics(athena, standing_pose(athena))
+    return hk.forward_kinematics(athena, athena.standing_q)
 
 
 def test_a_foot_supports_when_its_force_is_positive():

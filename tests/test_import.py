@@ -1,5 +1,6 @@
 """What importing hexakin costs."""
 
+import pickle
 import subprocess
 import sys
 
@@ -48,6 +49,18 @@ def test_every_public_name_exists_and_others_are_attribute_errors():
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         _ = hk.walk
     assert set(hk.__all__) <= set(dir(hk))
+
+
+def test_errors_come_back_whole_from_a_worker_process():
+    errors = [
+        hk.exceptions.UnknownNameError("engine", "ode", ["pybullet"]),
+        hk.exceptions.UnreachableError(2, 0.31, (0.004, 0.164), "3"),
+        hk.exceptions.InvalidInputError("q: bad"),
+        hk.exceptions.MissingPackageError("x", "y", "z"),
+    ]
+    for error in errors:
+        copy = pickle.loads(pickle.dumps(error))
+        assert type(copy) is type(error) and str(copy) == str(error) and copy.__dict__ == error.__dict__
 
 
 def test_a_missing_pybullet_is_named():

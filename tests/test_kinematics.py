@@ -5,12 +5,12 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.kinematics import standing_branch, standing_height, standing_pose, within_limits
+from hexakin.kinematics import standing_branch, standing_height, within_limits
 
 
 @pytest.fixture(scope="module")
 def random_q(athena):
-    return np.random.default_rng(1).uniform(*athena.joint_limits.T, (10_000, 6, 3))
+    return np.random.default_rng(1).uniform(athena.q_min, athena.q_max, (10_000, 6, 3))
 
 
 def test_inverse_returns_the_foot_on_every_branch(athena, random_q):
@@ -33,8 +33,8 @@ def test_the_branch_nearest_to_the_angles_returns_the_angles(athena, random_q):
 
 
 def test_without_a_hint_the_standing_poses_branch_is_chosen(athena):
-    solution = hk.inverse_kinematics(athena, hk.forward_kinematics(athena, standing_pose(athena)))
-    assert np.abs(solution.q - standing_pose(athena)).max() < 1e-12
+    solution = hk.inverse_kinematics(athena, hk.forward_kinematics(athena, athena.standing_q))
+    assert np.abs(solution.q - athena.standing_q).max() < 1e-12
     assert (solution.branch == standing_branch(athena)).all()
 
 
@@ -78,7 +78,7 @@ def test_reach_flags_agree_with_distances_computed_independently(athena, rng):
 
 
 def test_an_unreachable_foot_raises_an_error_with_leg_distance_and_reach(athena):
-    foot = hk.forward_kinematics(athena, np.stack([standing_pose(athena)] * 5))
+    foot = hk.forward_kinematics(athena, np.stack([athena.standing_q] * 5))
     foot[3, 1] *= 2.0
     with pytest.raises(
         UnreachableError, match=r"leg 2: foot target .* exceeds its reach 0.164 m \(at index 3\)"
@@ -91,7 +91,7 @@ def test_an_unreachable_foot_raises_an_error_with_leg_distance_and_reach(athena)
 
 
 def test_a_foot_inside_the_inner_reach_is_named_as_such(athena):
-    hip_and_coxa = hk.forward_kinematics(athena, standing_pose(athena))
+    hip_and_coxa = hk.forward_kinematics(athena, athena.standing_q)
     hip_and_coxa[0] = [0.06 + 0.064, 0.0, 0.001]
     with pytest.raises(UnreachableError, match=r"leg 1: .* is inside its inner reach 0\.004 m"):
         hk.inverse_kinematics(athena, hip_and_coxa, on_unreachable="raise")
@@ -99,12 +99,12 @@ def test_a_foot_inside_the_inner_reach_is_named_as_such(athena):
 
 def test_singular_feet_are_solved(athena):
     """A straight leg, and a foot on the TC axis, whose first angle is free."""
-    q = standing_pose(athena)
+    q = athena.standing_q.copy()
     q[:, 2] = 0.0
     solution = hk.inverse_kinematics(athena, hk.forward_kinematics(athena, q))
     assert solution.reachable.all()
     assert np.abs(solution.q - q).max() < 1e-7
-    foot = hk.forward_kinematics(athena, standing_pose(athena))
+    foot = hk.forward_kinematics(athena, athena.standing_q)
     foot[0] = [0.06, 0.0, -0.1]
     solution = hk.inverse_kinematics(athena, foot)
     assert solution.q[0, 0] == 0.0
@@ -113,7 +113,7 @@ def test_singular_feet_are_solved(athena):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_angles_that_are_not_finite_are_named(athena, bad):
-    q = standing_pose(athena)
+    q = athena.standing_q.copy()
     q[2, 1] = bad
     for call in (hk.forward_kinematics, hk.jacobian, within_limits):
         with pytest.raises(InvalidInputError, match=f"q: leg 3, joint 2 is {bad}"):
@@ -147,7 +147,7 @@ def test_a_leg_type_that_is_not_shipped_is_derived_when_used(tmp_path, athena, r
     path = tmp_path / "raised.yaml"
     path.write_text(yaml.safe_dump(tree))
     raised = hk.load_robot(path)
-    q = rng.uniform(*athena.joint_limits.T, (100, 6, 3))
+    q = rng.uniform(athena.q_min, athena.q_max, (100, 6, 3))
     foot = hk.forward_kinematics(raised, q)
     assert foot - hk.forward_kinematics(athena, q) == pytest.approx(
         np.broadcast_to([0, 0, 0.01], foot.shape), abs=1e-15

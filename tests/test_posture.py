@@ -6,7 +6,6 @@ import pytest
 import hexakin as hk
 from hexakin.control import Observation
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.kinematics import standing_pose
 
 RATE = 20.0
 LOADED = np.full(6, 3.5)
@@ -14,7 +13,7 @@ LOADED = np.full(6, 3.5)
 
 def walk(controller, ticks, *, height=0.104, force=LOADED, perfect=True):
     """Drive a controller whose servos follow at once; ``force`` may be a function of the tick."""
-    q = standing_pose(controller.robot)
+    q = controller.robot.standing_q
     run, commands = None, []
     for tick in range(ticks):
         forces = force(tick) if callable(force) else force
@@ -31,7 +30,7 @@ def feet(controller, commands):
 
 def test_a_phase_moves_the_swing_feet_ahead_and_the_stance_feet_back_by_the_stride(athena):
     controller = hk.PostureController(athena, k_z=0, k_alpha=0, k_beta=0)
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     path = feet(controller, walk(controller, 40))
     assert path[19] - start == pytest.approx(np.outer([1, -1, 1, -1, 1, -1], [0, 0.05, 0]), abs=1e-12)
     assert path[39] == pytest.approx(start, abs=1e-12)
@@ -41,7 +40,7 @@ def test_a_phase_moves_the_swing_feet_ahead_and_the_stance_feet_back_by_the_stri
 
 def test_half_a_stride_first_centres_the_strokes_on_the_standing_footholds(athena):
     controller = hk.PostureController(athena, k_z=0, k_alpha=0, first_phase="half_stride")
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     path = feet(controller, walk(controller, 40))
     assert np.abs(path[19] - start)[:, 1] == pytest.approx(np.full(6, 0.025), abs=1e-12)
     assert np.abs(path[39] - start)[:, 1] == pytest.approx(np.full(6, 0.025), abs=1e-12)
@@ -50,7 +49,7 @@ def test_half_a_stride_first_centres_the_strokes_on_the_standing_footholds(athen
 def test_a_low_torso_pushes_stance_feet_down_and_plants_swing_feet_lower(athena):
     """A(27) and A(30) with delta_z = measured - reference: a negative error lowers the feet, which lifts the torso."""
     controller = hk.PostureController(athena, k_z=0.5, k_alpha=0, k_beta=0)
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     commands = walk(controller, 20, height=0.084)
     assert commands[0].delta_z == pytest.approx(-0.02)
     assert feet(controller, commands)[-1, :, 2] - start[:, 2] == pytest.approx(np.full(6, -0.01), abs=1e-12)
@@ -58,7 +57,7 @@ def test_a_low_torso_pushes_stance_feet_down_and_plants_swing_feet_lower(athena)
 
 def test_displacement_as_printed_is_the_rotated_translation_for_every_foot(athena):
     controller = hk.PostureController(athena, k_z=0.8, k_alpha=0.6, k_beta=0.4)
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     a, b, dz = 0.6 * 0.1, 0.4 * 0.2, 0.8 * -0.01
     rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     ry = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
@@ -70,7 +69,7 @@ def test_displacement_as_printed_is_the_rotated_translation_for_every_foot(athen
 def test_turning_the_footholds_levels_the_ground_relative_to_the_torso(athena, delta_alpha, delta_beta):
     """With unit gains feet on tilted ground end on a plane parallel to the torso; R for R^T would double the tilt."""
     controller = hk.PostureController(athena, k_z=0, k_alpha=1, k_beta=1, reading="rotate_foothold")
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     start[:, 2] += np.tan(delta_alpha) * start[:, 1] - np.tan(delta_beta) * start[:, 0]
     end = start + controller.stance_displacement(start, 0.0, delta_alpha, delta_beta)
     assert np.ptp(start[:, 2]) > 0.01
@@ -83,7 +82,7 @@ def test_fewer_than_three_contacts_extend_the_other_legs_until_they_touch(athena
     two = np.array([3.5, 3.5, 0, 0, 0, 0])
     commands = walk(controller, 10, force=lambda tick: two if tick < 4 else LOADED)
     path = feet(controller, commands)
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     assert [command.extending for command in commands] == [True] * 4 + [False] * 6
     assert path[3, 2:, 2] - start[2:, 2] == pytest.approx(np.full(4, -4 * 0.05 / RATE), abs=1e-12)
     assert path[3, :2] == pytest.approx(start[:2], abs=1e-12)
@@ -105,7 +104,7 @@ def test_estimates_are_made_once_a_phase_or_once_a_cycle(athena):
         controller = hk.PostureController(athena, k_z=0, estimate_every=every)
         run, found = None, []
         for tick in range(80):
-            observation = Observation(tick / RATE, standing_pose(athena), LOADED, 0.09 + 1e-4 * tick)
+            observation = Observation(tick / RATE, athena.standing_q, LOADED, 0.09 + 1e-4 * tick)
             run = run or controller.start(observation, RATE)
             found.append(run.command(observation).delta_z)
         return len(set(found))
@@ -116,7 +115,7 @@ def test_estimates_are_made_once_a_phase_or_once_a_cycle(athena):
 
 def test_starting_from_actual_angles_or_the_command_differs_when_servos_lag(athena):
     """With servos that do not move at all, every phase starts where the feet are, or where they were sent."""
-    start = hk.forward_kinematics(athena, standing_pose(athena))
+    start = hk.forward_kinematics(athena, athena.standing_q)
     actual = hk.PostureController(athena, k_z=0, k_alpha=0, start_from="actual")
     command = hk.PostureController(athena, k_z=0, k_alpha=0, start_from="command")
     assert feet(actual, walk(actual, 40, perfect=False))[39, 0, 1] - start[0, 1] == pytest.approx(-0.05, abs=1e-12)
@@ -127,7 +126,7 @@ def test_targets_out_of_reach_are_clipped_and_reported(athena):
     controller = hk.PostureController(athena, k_z=0, k_alpha=0, stride=0.2)
     commands = walk(controller, 20)
     assert any(command.limited.any() for command in commands)
-    low, high = athena.joint_limits.T
+    low, high = athena.q_min, athena.q_max
     for command in commands:
         assert np.isfinite(command.q).all()
         assert (command.q >= low).all() and (command.q <= high).all()
@@ -160,4 +159,4 @@ def test_bad_parameters_are_named(athena, arguments, error, message):
 def test_a_phase_must_be_a_whole_number_of_ticks(athena):
     controller = hk.PostureController(athena, phase_duration=0.33)
     with pytest.raises(InvalidInputError, match=r"phase_duration: 0\.33 s is not a whole number of ticks at 20 Hz"):
-        controller.start(Observation(0.0, standing_pose(athena), LOADED, 0.104), RATE)
+        controller.start(Observation(0.0, athena.standing_q, LOADED, 0.104), RATE)

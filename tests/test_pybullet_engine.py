@@ -7,7 +7,6 @@ import hexakin as hk
 from hexakin.engines import engine_class
 from hexakin.engines.pybullet import GRAVITY, PyBulletEngine
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.kinematics import standing_pose
 from hexakin.simulation import starting_pose, torso_height
 from hexakin.transforms import pose
 
@@ -15,7 +14,7 @@ from hexakin.transforms import pose
 @pytest.fixture(scope="module")
 def standing(athena):
     """Readings over ten seconds of standing on level ground, two a second, after one second of settling."""
-    q, plane = standing_pose(athena), hk.terrain.Plane()
+    q, plane = athena.standing_q, hk.terrain.Plane()
     with PyBulletEngine(athena, plane) as engine:
         engine.place(starting_pose(athena, plane, q), q)
         engine.advance(q, 1000)
@@ -43,7 +42,7 @@ def test_standing_feet_do_not_drift(athena, standing):
 
 def test_a_servo_closes_its_error_at_its_rate(athena):
     """In free fall the legs carry no load: the error falls by exp(-rate t)."""
-    q = standing_pose(athena)
+    q = athena.standing_q
     target = q + [0.0, 0.1, 0.0]
     with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
         engine.place(pose(np.eye(3), [0, 0, 5.0]), q)
@@ -54,8 +53,8 @@ def test_a_servo_closes_its_error_at_its_rate(athena):
 
 def test_a_falling_robot_accelerates_by_gravity(athena):
     with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
-        engine.place(pose(np.eye(3), [0, 0, 5.0]), standing_pose(athena))
-        reading = engine.advance(standing_pose(athena), 200)
+        engine.place(pose(np.eye(3), [0, 0, 5.0]), athena.standing_q)
+        reading = engine.advance(athena.standing_q, 200)
     assert reading.body_velocity == pytest.approx([0, 0, -GRAVITY * 0.2], abs=1e-6)
     assert reading.foot_force.sum() == 0.0
 
@@ -63,7 +62,7 @@ def test_a_falling_robot_accelerates_by_gravity(athena):
 @pytest.mark.parametrize("slope_deg, holds", [(38.0, True), (46.0, False)])
 def test_a_robot_on_a_slope_holds_up_to_the_friction_angle(athena, slope_deg, holds):
     """Friction 0.9 holds up to atan(0.9) = 42 degrees; joints are held, so that only the feet can give."""
-    ramp, q = hk.terrain.Ramp(slope=np.radians(slope_deg)), standing_pose(athena)
+    ramp, q = hk.terrain.Ramp(slope=np.radians(slope_deg)), athena.standing_q
     with PyBulletEngine(athena, ramp) as engine:
         engine.place(starting_pose(athena, ramp, q), q)
         before = engine.advance(q, 500).T_world_body[:3, 3]
@@ -87,8 +86,8 @@ def test_readings_place_the_body_frame_not_its_centre_of_mass(tmp_path, athena):
     robot = hk.load_robot(path)
     T = pose(hk.transforms.axis_rotation([0, 1, 0], 0.3), [1.0, 2.0, 3.0])
     with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-6) as engine:
-        engine.place(T, standing_pose(robot))
-        reading = engine.advance(standing_pose(robot), 1)
+        engine.place(T, robot.standing_q)
+        reading = engine.advance(robot.standing_q, 1)
     assert reading.T_world_body == pytest.approx(T, abs=1e-8)
 
 

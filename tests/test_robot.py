@@ -94,8 +94,14 @@ BAD = {
     "unknown field": (lambda t: t.update(colour="red"), "colour: Extra inputs"),
     "misspelt length": (lambda t: t["leg_table"]["parameters"].pop("l_3_mm"), "legs.1.parameters: no value for l_3"),
     "unused parameter": (lambda t: t["leg_table"]["parameters"].update(l_9=1.0), "l_9 does not occur"),
-    "limits reversed": (lambda t: t["joint_limits"].update(theta_3=[1.0, -1.0]), "joint_limits.theta_3: lower limit 1"),
-    "standing outside limits": (lambda t: t["joint_limits"].update(theta_4=[-1.0, 1.0]), "standing.theta_4: -1.57"),
+    "limits reversed": (
+        lambda t: t["joint_limits"].update(theta_3=[1.0, -1.0]),
+        "joint_limits.theta_3 of leg 1: lower limit 1",
+    ),
+    "standing outside limits": (
+        lambda t: t["joint_limits"].update(theta_4=[-1.0, 1.0]),
+        "standing.theta_4 of leg 1: -1.57",
+    ),
     "impossible inertia": (lambda t: t["torso"]["inertia"].update(zz=9.0), "torso.inertia: violates the triangle"),
     "indefinite inertia": (lambda t: t["torso"]["inertia"].update(xy=1.0), "torso.inertia: not positive definite"),
     "forward not horizontal": (lambda t: t.update(forward=[0, 0, 1]), "forward: expected a horizontal unit vector"),
@@ -144,7 +150,7 @@ def test_numbers_in_scientific_notation_without_a_dot_are_numbers(tmp_path):
 
 def test_a_robot_cannot_be_changed_and_can_be_pickled(athena):
     with pytest.raises(ValueError, match="read-only"):
-        athena.joint_limits[0, 0] = 1.0
+        athena.joint_limits[0, 0, 0] = 1.0
     with pytest.raises(TypeError):
         athena.segments["coxa"] = athena.torso
     copy = pickle.loads(pickle.dumps(athena))

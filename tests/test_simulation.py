@@ -27,6 +27,7 @@ def test_a_recording_has_a_row_for_every_tick_and_knows_what_made_it(short_walk)
     assert {name: getattr(short_walk, name).shape for name in shapes} == shapes
     parameters = short_walk.parameters
     assert parameters["engine"] == "pybullet"
+    assert parameters["robot"]["legs"][0]["values"]["l_1"] == 0.06
     assert parameters["controller"]["k_z"] == 0.8
     assert (parameters["seed"], parameters["time_step"], parameters["friction"]) == (0, 0.005, 0.9)
     assert "Ramp(slope=0.17" in parameters["terrain"]

@@ -51,7 +51,7 @@ def test_generated_code_equals_sympys_evaluation_on_random_points(athena, leg, r
     inverse = leg.inverse
     for _ in range(20):
         index = int(rng.integers(6))
-        q = np.tile(rng.uniform(*athena.joint_limits.T), (6, 1))
+        q = np.tile(rng.uniform(athena.q_min[0], athena.q_max[0]), (6, 1))
         values = dict(zip(leg.parameters, athena.parameters[index], strict=True))
         at = values | dict(zip(leg.joints, q[index], strict=True))
         foot = np.array(leg.foot.subs(at).evalf(30), dtype=float).ravel()

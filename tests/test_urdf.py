@@ -28,7 +28,7 @@ def test_foot_positions_agree_between_generated_code_pinocchio_and_pybullet(athe
             pybullet.getJointInfo(body, i, client)[1].decode(): i for i in range(pybullet.getNumJoints(body, client))
         }
         for _ in range(20):
-            q = rng.uniform(*athena.joint_limits.T, (6, 3))
+            q = rng.uniform(athena.q_min, athena.q_max, (6, 3))
             expected = hk.forward_kinematics(athena, q)
             configuration = pin.neutral(model)
             for leg in range(6):
@@ -68,9 +68,9 @@ def test_masses_and_inertias_arrive_in_both_engines(athena, urdf, tmp_path):
 
 def test_composite_inertia_equals_the_descriptions_bodies(athena, urdf):
     """Mass, centre of mass and inertia of the whole robot, summed body by body without the URDF."""
-    from hexakin.kinematics import segment_poses, standing_pose
+    from hexakin.kinematics import segment_poses
 
-    q = standing_pose(athena)
+    q = athena.standing_q
     bodies = [(athena.torso, np.eye(4))]
     for leg, poses in enumerate(segment_poses(athena, q)):
         bodies += [(athena.segments[name], poses[k]) for k, name in enumerate(("coxa", "femur", "tibia"))]

@@ -34,7 +34,12 @@ class Reading(NamedTuple):
 
 
 class Engine(ABC):
-    """A robot on a terrain with servo-driven joints. Use as a context manager; it owns a simulator."""
+    """A robot on a terrain with servo-driven joints. Use as a context manager; it owns a simulator.
+
+    ``packages`` are the distributions whose versions a recording names.
+    """
+
+    packages: tuple[str, ...] = ()
 
     @abstractmethod
     def __init__(self, robot: Robot, terrain: Terrain, *, time_step: float, friction: float, restitution: float):

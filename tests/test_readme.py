@@ -1,0 +1,76 @@
+"""The README's table, commands and example are true, and the notebooks are what they should be."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+NOTEBOOKS = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "notebooks").glob("*.ipynb")}
+TABLE = re.findall(r"^\| ([AB] Figs? [^|]+?) \| [^|]+ \| ([^|]*?) \| ([^|]+?) \|$", README, re.MULTILINE)
+
+
+def sources(notebook, kind=None):
+    return "\n".join("".join(cell["source"]) for cell in notebook["cells"] if kind in (None, cell["cell_type"]))
+
+
+def test_the_first_screen_says_what_this_is_cites_both_papers_and_gives_both_commands():
+    screen = "\n".join(README.splitlines()[:25])
+    for wanted in ("hexapod", "Coelho", "Aissaoui", "make reproduce", "make test"):
+        assert wanted in screen
+
+
+def test_the_table_lists_every_figure_of_paper_a_once():
+    numbers = [re.match(r"A Fig\. (\d+)", figure) for figure, _, _ in TABLE]
+    listed = [int(match[1]) for match in numbers if match]
+    assert sorted(set(listed)) == list(range(1, 20))
+    assert len(TABLE) == len(set(figure for figure, _, _ in TABLE))
+
+
+@pytest.mark.parametrize("figure, notebook, status", TABLE)
+def test_a_figure_is_where_the_table_says(figure, notebook, status):
+    if status == "rebuilt":
+        body = NOTEBOOKS[notebook.strip("`")]
+        code = sources(body, "code")
+        assert figure in code
+        assert any(
+            "image/png" in output.get("data", {}) for cell in body["cells"] for output in cell.get("outputs", [])
+        )
+    else:
+        assert status in ("later", "left out") and not notebook
+        drawn = [
+            name for name, body in NOTEBOOKS.items() if re.search(re.escape(figure) + r"\b", sources(body, "code"))
+        ]
+        assert drawn == [], f"{figure} is drawn, but the table does not say so"
+
+
+@pytest.mark.parametrize("name", sorted(NOTEBOOKS))
+def test_a_notebook_is_stored_executed_in_order_and_without_errors(name):
+    cells = [cell for cell in NOTEBOOKS[name]["cells"] if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    outputs = [output for cell in cells for output in cell["outputs"]]
+    assert all(output["output_type"] != "error" and output.get("name") != "stderr" for output in outputs)
+    assert NOTEBOOKS[name]["metadata"]["kernelspec"]["name"] == "python3"
+    assert "assert " in sources(NOTEBOOKS[name], "code")
+
+
+def test_the_commands_without_make_are_the_makefiles():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = makefile.split("test: $(VENV)/installed\n")[1].split("\n\n")[0]
+    commands = [line.strip().replace("$(RUN)", ".venv/bin/python -m") for line in recipe.splitlines()]
+    block = README.split("## Without make")[1].split("```")[1]
+    plain = [re.sub(r"\s+#.*", "", line).strip() for line in block.splitlines() if line.strip()]
+    assert commands == plain[-len(commands) :]
+    assert len(commands) == 5
+
+
+def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    example = README.split("```python\n")[1].split("```")[0]
+    assert len(example.strip().splitlines()) <= 20
+    exec(compile(example, "README.md", "exec"), {})
+    assert (tmp_path / "walk.npz").is_file()
+    heights, margin = capsys.readouterr().out.strip().split("\n")
+    assert heights.startswith("[0.10") and float(margin) > 0.0
