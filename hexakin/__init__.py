@@ -22,12 +22,14 @@ _NAMES = {
     "jacobian": "kinematics",
     "PostureController": "posture",
     "simulate": "simulation",
+    "plan_walk": "walker",
+    "WalkPlan": "walker",
     "Recording": "recording",
     "load_recording": "recording",
 }
 _MODULES = (
     "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
-    "stability", "swing", "symbolic", "terrain", "transforms", "urdf",
+    "stability", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
         terrain,
         transforms,
         urdf,
+        walker,
     )
     from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian
     from hexakin.posture import PostureController
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
     from hexakin.robot import Robot
     from hexakin.robot_file import load_robot
     from hexakin.simulation import simulate
+    from hexakin.walker import WalkPlan, plan_walk
 
 __all__ = [*_NAMES, *_MODULES]
 

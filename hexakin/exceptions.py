@@ -50,19 +50,49 @@ class UnreachableError(HexakinError):
     """A foot target lies outside the leg's reach.
 
     Attributes: ``leg`` (1-based), ``distance`` [m] from the leg's second joint to the target,
-    ``reach`` (min, max) [m].
+    ``reach`` (min, max) [m], ``time`` [s] on a path, else None.
     """
 
-    def __init__(self, leg: int, distance: float, reach: tuple[float, float], where: str = ""):
-        self.leg, self.distance, self.reach = leg, distance, reach
+    def __init__(
+        self, leg: int, distance: float, reach: tuple[float, float], where: str = "", time: float | None = None
+    ):
+        self.leg, self.distance, self.reach, self.time = leg, distance, reach, time
         if distance > reach[1]:
             relation = f"exceeds its reach {reach[1]:.6g} m"
         elif distance < reach[0]:
             relation = f"is inside its inner reach {reach[0]:.6g} m"
         else:
             relation = "lies too close to the first joint's axis for the leg's offset"
-        at = f" (at index {where})" if where else ""
+        at = f" (at index {where})" if where else "" if time is None else f" (t = {time:.6g} s)"
         super().__init__(f"leg {leg}: foot target {distance:.6g} m from the second joint {relation}{at}")
+
+
+class JointLimitError(HexakinError):
+    """A commanded joint angle leaves its limits.
+
+    Attributes: ``leg`` (1-based), ``joint`` (its name), ``angle`` and ``limits`` [rad], ``time`` [s].
+    """
+
+    def __init__(self, leg: int, joint: str, angle: float, limits: tuple[float, float], time: float):
+        self.leg, self.joint, self.angle, self.limits, self.time = leg, joint, angle, limits, time
+        low, high = limits
+        super().__init__(
+            f"leg {leg}: {joint} = {angle:.4g} rad leaves its limits [{low:.4g}, {high:.4g}] (t = {time:.6g} s)"
+        )
+
+
+class ClearanceError(HexakinError):
+    """A swing cuts through the terrain.
+
+    Attributes: ``leg`` (1-based), ``step`` (1-based), ``depth`` [m] of the cut.
+    """
+
+    def __init__(self, leg: int, step: int, depth: float, arch: float):
+        self.leg, self.step, self.depth = leg, step, depth
+        super().__init__(
+            f"leg {leg}: its swing in step {step} cuts {1e3 * depth:.3g} mm into the terrain even at {arch:g} times "
+            "the cycloid's height"
+        )
 
 
 class SimulationError(HexakinError, RuntimeError):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
 from hexakin.generated import MODULES
 from hexakin.robot import LegTable, Robot
-from hexakin.transforms import Array, axis_rotation, check_array, pose
+from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 """Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
@@ -54,6 +54,43 @@ def _code(table: LegTable) -> ModuleType | SimpleNamespace:
     namespace: dict[str, Any] = {}
     exec(compile(generate(table), f"<leg type {table.type_key}>", "exec"), namespace)  # our own generated source
     return SimpleNamespace(**{name: namespace[name] for name in ("forward", "jacobian", "inverse")})
+
+
+def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
+    """Joint angles along a path of the feet, each leg on one branch throughout.
+
+    ``p_body_foot`` (n, L, 3) [m], in order of time. Branches meet only in singular poses, so that a leg that
+    stays on one moves continuously. Of the branches that reach the whole path, those within the limits
+    throughout come first, and of these the one nearest to ``near`` (L, 3) [rad] at the start. Without ``near``
+    the standing pose's branch is taken if it serves. Where none reaches, the branch that reaches
+    furthest is returned, with its flags.
+    """
+    feet = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    if feet.ndim != 3 or len(feet) == 0:
+        raise InvalidInputError(f"p_body_foot: expected shape (n, {robot.num_legs}, 3) with n > 0, got {feet.shape}")
+    if near is None:
+        standing = inverse_kinematics(robot, feet)
+        if standing.within_limits.all():
+            return standing
+    start = robot.standing_q if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
+    every = _solve(robot, feet[..., None, :], BRANCH_SIGNS)
+    change = np.nan_to_num(np.abs(_wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
+    # Sort by reach, then limits, then distance from the start, which is at most pi.
+    cost = -1e3 * every.reachable.mean(axis=0) - 1e1 * every.within_limits.all(axis=0) + change
+    chosen = np.broadcast_to(np.argmin(cost, axis=-1), feet.shape[:-1])
+    return _pick(every, chosen, chosen)
+
+
+def posed_inverse_kinematics(
+    robot: Robot, T_world_body: ArrayLike, p_world_foot: ArrayLike, **options: Any
+) -> InverseSolution:
+    """Inverse kinematics for a body pose and feet in the world, all six degrees of freedom (B(12)).
+
+    ``T_world_body`` (..., 4, 4), ``p_world_foot`` (..., L, 3) [m]; options as for ``inverse_kinematics``.
+    """
+    T = check_array("T_world_body", T_world_body, (4, 4))
+    feet = check_array("p_world_foot", p_world_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    return inverse_kinematics(robot, transform_points(inverse_pose(T), feet), **options)
 
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.recording import Recording
 from hexakin.transforms import Array, check_array
+from hexakin.walker import WalkPlan
 
 
 class ZMP(NamedTuple):
@@ -78,14 +79,34 @@ def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
     """
     if polygon is None:
         return float("nan")
-    a = np.asarray(polygon, dtype=float)
-    p = np.asarray(point, dtype=float)[:2]
-    edge = np.roll(a, -1, axis=0) - a
-    along = np.clip(np.einsum("ij,ij->i", p - a, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
+    return float(_margins(np.asarray(point, dtype=float)[None, :2], np.asarray(polygon, dtype=float))[0])
+
+
+def _margins(points: Array, polygon: Array) -> Array:
+    """Margins (n,) of points (n, 2) in one polygon (m, 2)."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    offset = points[:, None, :] - polygon
+    along = np.clip(np.einsum("nij,ij->ni", offset, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
     # A(33)
-    distance = float(np.linalg.norm(p - a - along[:, None] * edge, axis=1).min())
-    side = edge[:, 0] * (p - a)[:, 1] - edge[:, 1] * (p - a)[:, 0]
-    return distance if (side >= 0.0).all() else -distance
+    distance = np.linalg.norm(offset - along[..., None] * edge, axis=-1).min(axis=-1)
+    inside = (edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0] >= 0.0).all(axis=-1)
+    return np.where(inside, distance, -distance)
+
+
+def static_margin(plan: WalkPlan) -> Array:
+    """Signed distance (n,) [m] of the body's origin, seen from above, to the edge of the stance feet; NaN if undefined.
+
+    For a slow walk, whose support must hold the body's weight at every instant.
+    """
+    origin, result = plan.T_world_body[:, :2, 3], np.full(len(plan.time), np.nan)
+    feet = np.where(plan.stance[..., None], plan.p_world_foot[..., :2], np.inf)
+    # The polygon changes only where a foot lifts or lands.
+    starts = np.flatnonzero(np.r_[True, (feet[1:] != feet[:-1]).any(axis=(1, 2))])
+    for start, end in zip(starts, np.r_[starts[1:], len(feet)], strict=True):
+        polygon = support_polygon(plan.p_world_foot[start, plan.stance[start]])
+        if polygon is not None:
+            result[start:end] = _margins(origin[start:end], polygon)
+    return result
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -36,6 +38,46 @@ def swing_control_points(
     return np.stack(
         [p0, p0 + stride / 4 * f + up, p0 + 3 * stride / 4 * f + up, p0 + np.asarray(displacement)], axis=-2
     )
+
+
+class StepGeometry(NamedTuple):
+    """A step from one foothold to the next, B(17)-(21), (...) each.
+
+    ``yaw`` psi [rad] with the sign that turns column vectors (B prints its negative, for row vectors),
+    ``plan_length`` l_p [m] seen from above, ``slope`` theta [rad], ``length`` l_s [m] in space, ``radius`` R [m] of the
+    cycloid.
+    """
+
+    yaw: Array
+    plan_length: Array
+    slope: Array
+    length: Array
+    radius: Array
+
+
+def step_geometry(start: ArrayLike, end: ArrayLike) -> StepGeometry:
+    """Geometry of the steps from ``start`` to ``end`` (..., 3) [m]."""
+    dx, dy, dz = np.moveaxis(np.asarray(end, dtype=float) - np.asarray(start, dtype=float), -1, 0)
+    plan_length = np.hypot(dx, dy)  # B(18)
+    length = np.hypot(plan_length, dz)  # B(20)
+    # B(17), B(19), B(21)
+    return StepGeometry(np.arctan2(dy, dx), plan_length, np.arctan2(dz, plan_length), length, length / (2.0 * np.pi))
+
+
+def adapted_cycloid(start: ArrayLike, end: ArrayLike, phase: ArrayLike, arch: ArrayLike = 1.0) -> Array:
+    """Cycloid from ``start`` to ``end`` (..., 3) [m] in the vertical plane through both (B(22)-(23)).
+
+    ``phase`` in [0, 1] is the share of the swing (B(22)'s angle is 2 pi times it); ``arch`` multiplies the
+    cycloid's height, 2 R for 1. Both broadcast against the leading axes; returns (..., 3) [m].
+    """
+    p0, step = np.asarray(start, dtype=float), step_geometry(start, end)
+    angle = 2.0 * np.pi * np.asarray(phase, dtype=float)
+    # B(22)
+    x = step.radius * (angle - np.sin(angle))
+    z = np.asarray(arch, dtype=float) * step.radius * (1.0 - np.cos(angle))
+    # B(23) for column vectors: Rz(yaw) Ry(-slope) (x, 0, z)
+    out, up = x * np.cos(step.slope) - z * np.sin(step.slope), x * np.sin(step.slope) + z * np.cos(step.slope)
+    return p0 + np.stack(np.broadcast_arrays(out * np.cos(step.yaw), out * np.sin(step.yaw), up), axis=-1)
 
 
 def stance_line(start: ArrayLike, displacement: ArrayLike, phase: ArrayLike) -> Array:

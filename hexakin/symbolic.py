@@ -143,7 +143,7 @@ class LegKinematics:
             angle_1 = sp.atan2(v, u) - sp.atan2(offset, along)
             along -= radial.constant
         up = mirror * (w - height.constant)
-        square = along**2 + up**2
+        square = (along**2 + up**2).subs(side**2, 1)
         # The half-angle form of the law of cosines keeps its accuracy for a stretched or folded leg.
         outer, inner = (upper + lower) ** 2 - square, square - (upper - lower) ** 2
         angle_3 = 2 * knee * sp.atan2(sp.sqrt(sp.Max(outer, 0)), sp.sqrt(sp.Max(inner, 0)))

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hexakin.transforms import Array, check_number
+
+if TYPE_CHECKING:
+    from hexakin.height_field import HeightField
+    from hexakin.leg_curves import LegCurves
+
+__all__ = ["HalfSpace", "HeightField", "LegCurves", "Plane", "Ramp", "Terrain", "TriangleMesh"]
 
 
 @dataclass(frozen=True)
@@ -17,6 +23,13 @@ class HalfSpace:
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
+
+
+class TriangleMesh(NamedTuple):
+    """A surface: ``vertices`` (v, 3) [m] and ``triangles`` (t, 3), indices counter-clockwise seen from above."""
+
+    vertices: Array
+    triangles: NDArray[np.int_]
 
 
 @runtime_checkable
@@ -32,8 +45,8 @@ class Terrain(Protocol):
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
         """Distance [m] from ``origin`` (..., 3) to the ground along the unit ``direction`` (..., 3); inf if none."""
 
-    def shapes(self) -> tuple[HalfSpace, ...]:
-        """Solids whose union is the ground, for an engine."""
+    def shapes(self) -> tuple[HalfSpace | TriangleMesh, ...]:
+        """Shapes whose union is the ground, for an engine."""
 
 
 class _Planes:
@@ -111,3 +124,16 @@ class Ramp(_Planes):
         begin, rise = self.start or 0.0, float(np.sin(self.slope))
         inclined = HalfSpace((begin * x, begin * y, 0.0), (-rise * x, -rise * y, float(np.cos(self.slope))))
         return (inclined,) if self.start is None else (HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), inclined)
+
+
+def __getattr__(name: str) -> Any:
+    """Terrains with rooms of their own, under the one public name."""
+    if name == "HeightField":
+        from hexakin.height_field import HeightField
+
+        return HeightField
+    if name == "LegCurves":
+        from hexakin.leg_curves import LegCurves
+
+        return LegCurves
+    raise AttributeError(f"module 'hexakin.terrain' has no attribute {name!r}")

@@ -74,18 +74,39 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
 
 
+def rpy_rotation(rpy: ArrayLike) -> Array:
+    """Rotation Rz(yaw) Ry(pitch) Rx(roll) of B(2), for angles (..., 3) = (roll, pitch, yaw) [rad] -> (..., 3, 3)."""
+    angles = np.asarray(rpy, dtype=float)
+    (sr, sp, sy), (cr, cp, cy) = np.moveaxis(np.sin(angles), -1, 0), np.moveaxis(np.cos(angles), -1, 0)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
 def rotation_between(a: ArrayLike, b: ArrayLike) -> Array:
-    """Return the smallest rotation (3, 3) that takes the direction of ``a`` (3,) to that of ``b`` (3,)."""
-    u, v = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    u, v = u / np.linalg.norm(u), v / np.linalg.norm(v)
-    axis = np.cross(u, v)
-    sine, cosine = float(np.linalg.norm(axis)), float(u @ v)
-    if sine < 1e-15:
-        if cosine > 0.0:
-            return np.eye(3)
-        axis = np.cross(u, np.eye(3)[np.argmin(np.abs(u))])
-        return axis_rotation(axis / np.linalg.norm(axis), np.pi)
-    return axis_rotation(axis / sine, float(np.arctan2(sine, cosine)))
+    """Return the smallest rotations (..., 3, 3) that take the direction of ``a`` to that of ``b``, (..., 3) each.
+
+    Directions that oppose each other leave the axis open; one at a right angle to ``a`` is taken.
+    """
+    u, v = np.broadcast_arrays(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
+    u, v = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (u, v))
+    w = np.cross(u, v)
+    cosine = np.einsum("...i,...i->...", u, v)
+    opposed = cosine < -1.0 + 1e-12
+    zero = np.zeros_like(cosine)
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*cosine.shape, 3, 3)
+    rotation = np.eye(3) + cross + cross @ cross / np.where(opposed, 1.0, 1.0 + cosine)[..., None, None]
+    if opposed.any():
+        least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
+        axis = np.cross(u, least)
+        axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
+        half_turn = 2.0 * axis[..., :, None] * axis[..., None, :] - np.eye(3)
+        rotation = np.where(opposed[..., None, None], half_turn, rotation)
+    return rotation
 
 
 def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
@@ -94,6 +115,16 @@ def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
     matrix[:3, :3] = rotation
     matrix[:3, 3] = position
     return matrix
+
+
+def inverse_pose(T: ArrayLike) -> Array:
+    """Inverse of poses (..., 4, 4)."""
+    T = np.asarray(T, dtype=float)
+    result = np.zeros_like(T)
+    result[..., :3, :3] = np.swapaxes(T[..., :3, :3], -1, -2)
+    result[..., :3, 3] = -np.einsum("...ij,...j->...i", result[..., :3, :3], T[..., :3, 3])
+    result[..., 3, 3] = 1.0
+    return result
 
 
 def transform_points(T_target_source: ArrayLike, p_source: ArrayLike) -> Array:

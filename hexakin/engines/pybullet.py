@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot import NUM_JOINTS, Robot
-from hexakin.terrain import HalfSpace, Terrain
+from hexakin.terrain import HalfSpace, Terrain, TriangleMesh
 from hexakin.transforms import Array, check_array, check_number
 from hexakin.urdf import to_urdf
 
@@ -111,12 +111,23 @@ class PyBulletEngine(Engine):
                 physicsClientId=self._client,
             )
 
-    def _add_ground(self, shape: HalfSpace) -> None:
-        plane = pybullet.createCollisionShape(
-            pybullet.GEOM_PLANE, planeNormal=list(shape.normal), physicsClientId=self._client
-        )
+    def _add_ground(self, shape: HalfSpace | TriangleMesh) -> None:
+        if isinstance(shape, TriangleMesh):
+            collision = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH,
+                vertices=shape.vertices.tolist(),
+                indices=shape.triangles.ravel().tolist(),
+                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+                physicsClientId=self._client,
+            )
+            point = [0.0, 0.0, 0.0]
+        else:
+            collision = pybullet.createCollisionShape(
+                pybullet.GEOM_PLANE, planeNormal=list(shape.normal), physicsClientId=self._client
+            )
+            point = list(shape.point)
         ground = pybullet.createMultiBody(
-            baseMass=0.0, baseCollisionShapeIndex=plane, basePosition=list(shape.point), physicsClientId=self._client
+            baseMass=0.0, baseCollisionShapeIndex=collision, basePosition=point, physicsClientId=self._client
         )
         pybullet.changeDynamics(
             ground, -1, lateralFriction=1.0, restitution=1.0, rollingFriction=0.0, spinningFriction=0.0,

@@ -2,4 +2,5 @@
 
 MODULES = {
     "classical: p0 0 p1 0 | q0 0 p2 pi/2 | q1 0 p3 0 | q2 0 p4 0": "athena",
+    "modified at p0 p1 0: q0 p2 0 0 | q1 0 0 -pi/2 | q2 0 p3 0 | 0 0 p4 0": "hwr",
 }

@@ -1,0 +1,105 @@
+"""Terrain from elevation data: a grid of heights, two triangles to a cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.terrain import TriangleMesh
+from hexakin.transforms import Array, check_array, read_only
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Heights ``z`` (nx, ny) [m] over an even grid ``x`` (nx,), ``y`` (ny,) [m], both ascending.
+
+    Between the grid points the ground is flat triangles, the same for height, normal and an engine. Asking
+    outside the grid raises InvalidInputError.
+    """
+
+    x: Array
+    y: Array
+    z: Array
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y"):
+            grid = check_array(f"HeightField: {name}", getattr(self, name), ())
+            steps = np.diff(grid) if grid.ndim == 1 else np.array([])
+            if len(steps) < 1 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps.max():
+                raise InvalidInputError(f"HeightField: {name} must be at least two evenly spaced, ascending values")
+            object.__setattr__(self, name, read_only(grid))
+        object.__setattr__(self, "z", read_only(check_array("HeightField: z", self.z, (len(self.x), len(self.y)))))
+
+    def __repr__(self) -> str:
+        low, high = (self.x[0], self.y[0]), (self.x[-1], self.y[-1])
+        return f"HeightField({self.z.shape[0]} x {self.z.shape[1]} points from {low} to {high} m)"
+
+    def _cell(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
+        """Height and slopes (per cell) of the triangle under each point, and the place in its cell."""
+        px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        u, v = (px - self.x[0]) / (self.x[1] - self.x[0]), (py - self.y[0]) / (self.y[1] - self.y[0])
+        outside = ~((u >= 0) & (u <= len(self.x) - 1) & (v >= 0) & (v <= len(self.y) - 1))
+        if outside.any():
+            at = tuple(np.argwhere(outside)[0])
+            raise InvalidInputError(f"({px[at]:.4g}, {py[at]:.4g}) m lies outside the {self!r}")
+        i, j = np.minimum(u.astype(int), len(self.x) - 2), np.minimum(v.astype(int), len(self.y) - 2)
+        u, v = u - i, v - j
+        z00, z10, z01, z11 = self.z[i, j], self.z[i + 1, j], self.z[i, j + 1], self.z[i + 1, j + 1]
+        near = u + v <= 1.0
+        du, dv = np.where(near, z10 - z00, z11 - z01), np.where(near, z01 - z00, z11 - z10)
+        corner = np.where(near, z00, z10 + z01 - z11)
+        return corner, du, dv, u, v
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground [m]."""
+        corner, du, dv, u, v = self._cell(x, y)
+        return corner + du * u + dv * v
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Unit normal out of the ground, (..., 3)."""
+        _, du, dv, _, _ = self._cell(x, y)
+        slope_x, slope_y = du / (self.x[1] - self.x[0]), dv / (self.y[1] - self.y[0])
+        normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
+        """Distance [m] to the ground along a ray; negative where the origin is under it, inf if it leaves the grid."""
+        p, d = np.broadcast_arrays(np.asarray(origin, dtype=float), np.asarray(direction, dtype=float))
+        flat = [self._ray(o, r) for o, r in zip(p.reshape(-1, 3), d.reshape(-1, 3), strict=True)]
+        return np.array(flat).reshape(p.shape[:-1])
+
+    def _ray(self, origin: Array, direction: Array) -> float:
+        gap = float(origin[2] - self.height(origin[0], origin[1]))
+        if gap <= 0.0:
+            return gap
+        if direction[2] >= 0.0 and origin[2] > self.z.max():
+            return np.inf
+        cell = min(self.x[1] - self.x[0], self.y[1] - self.y[0])
+        longest = np.hypot(np.ptp(self.x), np.ptp(self.y)) + np.ptp(self.z) + abs(origin[2] - self.z.min())
+        # March by a quarter of a cell, then halve the first interval in which the ground is crossed.
+        at = np.arange(0.0, longest, cell / 4.0)
+        points = origin + at[:, None] * direction
+        inside = (points[:, 0] >= self.x[0]) & (points[:, 0] <= self.x[-1])
+        inside &= (points[:, 1] >= self.y[0]) & (points[:, 1] <= self.y[-1])
+        count = len(at) if inside.all() else int(np.argmin(inside))
+        below = points[:count, 2] < self.height(points[:count, 0], points[:count, 1])
+        if not below.any():
+            return np.inf
+        low, high = at[np.argmax(below) - 1], at[np.argmax(below)]
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            x, y, z = origin + middle * direction
+            low, high = (low, middle) if z < self.height(x, y) else (middle, high)
+        return float(high)
+
+    def shapes(self) -> tuple[TriangleMesh, ...]:
+        """Return the surface as one triangle mesh."""
+        X, Y = np.meshgrid(self.x, self.y, indexing="ij")
+        vertices = np.stack([X, Y, self.z], axis=-1).reshape(-1, 3)
+        index = np.arange(self.z.size).reshape(self.z.shape)
+        a, b, c, d = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
+        triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
+        return (TriangleMesh(vertices, triangles),)

@@ -1,0 +1,50 @@
+"""Paper B's terrain: six curves, one for each leg, from one reference curve (B(14)-(16))."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.transforms import Array, check_array, read_only
+
+
+def _zero(*arguments: Array) -> Array:
+    return np.zeros_like(arguments[0])
+
+
+@dataclass(frozen=True, eq=False)
+class LegCurves:
+    """A reference curve and coefficients that make each leg's own of it.
+
+    Along the walk, at distance s [m] from the start, the reference lies ``reference_y(s)`` [m] to the left and at
+    height ``reference_z(s, y)`` [m] (B(14): f_x and f_xy; both take arrays). Leg j follows (k[0, j] s, k[1, j] y,
+    k[2, j] z) from its own standing foothold (B(16)). ``k`` (3, L), default all one.
+
+    These are heights for each leg and not one height over the plane: two legs may pass the same place at
+    different heights. k[0, j] other than 1 makes a leg lag behind or run ahead of the body until it is out of reach.
+    """
+
+    reference_y: Callable[[Array], Array] = _zero
+    reference_z: Callable[[Array, Array], Array] = _zero
+    k: ArrayLike | None = None
+    num_legs: int = 6
+
+    def __post_init__(self) -> None:
+        k = np.ones((3, self.num_legs)) if self.k is None else self.k
+        object.__setattr__(self, "k", read_only(check_array("LegCurves: k", k, (3, self.num_legs), ("row", "leg"))))
+
+    def displacement(self, s: ArrayLike) -> Array:
+        """Displacement (..., L, 3) [m] (ahead, left, up) of each leg's ground at ``s`` (...) or (..., L) [m]."""
+        distance = np.asarray(s, dtype=float)
+        if distance.ndim == 0 or distance.shape[-1] != self.num_legs:
+            distance = distance[..., None]
+        y = np.asarray(self.reference_y(distance), dtype=float)
+        z = np.asarray(self.reference_z(distance, y), dtype=float)
+        if not (np.isfinite(y).all() and np.isfinite(z).all()):
+            raise InvalidInputError("LegCurves: the reference curve is not finite everywhere along the walk")
+        k = np.asarray(self.k)
+        return np.stack(np.broadcast_arrays(k[0] * distance, k[1] * y, k[2] * z), axis=-1)

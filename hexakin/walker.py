@@ -1,0 +1,433 @@
+"""Paper B's walking algorithm: footholds from the terrain, cycloids between them, a body that keeps up (B section 3).
+
+A step of the walk is one period: each group of legs of the gait swings in its share of it, and the body
+advances by the mean step of the six legs (B(24), whose half period is half a step).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.exceptions import ClearanceError, InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
+from hexakin.gait import Gait, tripod
+from hexakin.kinematics import (
+    InverseSolution,
+    forward_kinematics,
+    path_inverse_kinematics,
+    standing_height,
+)
+from hexakin.leg_curves import LegCurves
+from hexakin.robot import Robot
+from hexakin.swing import adapted_cycloid
+from hexakin.terrain import Terrain
+from hexakin.transforms import (
+    Array,
+    axis_rotation,
+    check_array,
+    check_number,
+    inverse_pose,
+    rotation_between,
+    rpy_rotation,
+    transform_points,
+)
+
+START_OFFSETS = ("stable", "B15", "B16")
+BODY_MOTIONS = ("fixed", "sinusoidal")
+HEIGHT_REFERENCES = ("footholds", "start")
+ORIENTATIONS = ("level", "parallel")
+MAX_ARCH = 4.0
+"""Highest swing tried for ``arch="clear"``, in heights of the paper's cycloid."""
+
+
+@dataclass(frozen=True, eq=False)
+class WalkPlan:
+    """A planned walk of n samples, L legs and k steps.
+
+    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_world_foot`` (n, L, 3) [m], the feet that the leg's kinematics
+    moves (the centre of a spherical foot); ``q`` (n, L, 3) [rad], NaN where not ``reachable`` (n, L);
+    ``within_limits`` (n, L); ``stance`` (n, L); ``footholds`` (k + 1, L, 3) [m], where the feet touch the ground;
+    ``ground_height`` (n, L) [m] of the terrain below (or above) each foot; ``arch`` (k, L), the height of each swing
+    in heights of the paper's cycloid; ``foot_radius`` [m]; ``parameters`` of ``plan_walk``.
+    """
+
+    time: Array
+    T_world_body: Array
+    p_world_foot: Array
+    q: Array
+    stance: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
+    within_limits: NDArray[np.bool_]
+    footholds: Array
+    ground_height: Array
+    arch: Array
+    foot_radius: float
+    parameters: Mapping[str, Any]
+
+    @property
+    def clearance(self) -> Array:
+        """Height (n, L) [m] of each foot's lowest point above the ground; negative where a swing cuts through it."""
+        return self.p_world_foot[..., 2] - self.foot_radius - self.ground_height
+
+
+@dataclass(frozen=True)
+class WalkReport:
+    """What ``check_plan`` finds; lengths in m, angles in rad.
+
+    ``stance_drift``: how far a foot moves in the world between samples in which it is in stance.
+    ``largest_foot_step`` and ``largest_joint_step``: largest change between two samples; they halve when
+    the samples double if the paths are continuous. ``lowest_clearance`` of a swinging foot above the
+    terrain, by ``clearance_leg`` (1-based) at ``clearance_time`` [s]. ``limit_margin``: smallest distance of an
+    angle from its limit, negative beyond. ``closure``: largest distance between the planned feet and those that the
+    angles give. ``advance_error``: largest difference between the body's advance in a step and the legs' mean step.
+    """
+
+    stance_drift: float
+    largest_foot_step: float
+    largest_joint_step: float
+    lowest_clearance: float
+    clearance_leg: int
+    clearance_time: float
+    limit_margin: float
+    closure: float
+    advance_error: float
+
+
+def plan_walk(
+    robot: Robot,
+    terrain: Terrain | LegCurves,
+    num_steps: int = 7,
+    step_length: float = 0.05,
+    heading: float = 0.0,
+    samples_per_step: int = 100,
+    body_height: float | None = None,
+    body_motion: Literal["fixed", "sinusoidal"] = "fixed",
+    *,
+    amplitude: float = 0.01,
+    period: float = 0.5,
+    height_reference: Literal["footholds", "start"] = "footholds",
+    body_orientation: Literal["level", "parallel"] | ArrayLike = "level",
+    start: tuple[float, float] = (0.0, 0.0),
+    yaw: float = 0.0,
+    start_offsets: Literal["stable", "B15", "B16"] = "stable",
+    first_group: int = 0,
+    arch: float | Literal["clear"] = 1.0,
+    step_duration: float = 2.0,
+    gait: Gait | None = None,
+    on_failure: Literal["raise", "mark"] = "raise",
+) -> WalkPlan:
+    """Plan a walk over a terrain (B Steps 1-17).
+
+    Parameters
+    ----------
+    robot, terrain:
+        Any robot that the gait fits; any terrain with heights and normals, or the curves of paper B.
+    num_steps, step_length, samples_per_step:
+        Steps of ``step_length`` [m] along the walk; samples in each.
+    heading:
+        Direction of walking [rad] against the body's forward axis; the body does not turn.
+    body_height:
+        Height [m] of the body's origin; None is that of the standing pose.
+    body_motion, amplitude, period:
+        ``"fixed"``, or ``"sinusoidal"`` with this amplitude [m] and period [steps].
+    height_reference:
+        Body height counts from the mean of the six ``"footholds"``, or from their mean at the ``"start"``.
+    body_orientation:
+        ``"level"``, ``"parallel"`` to the plane that fits the footholds best, or roll, pitch and yaw (3,) or
+        (n, 3) [rad] for the n = num_steps * samples_per_step + 1 samples.
+    start, yaw:
+        Where the body starts [m] and how it is turned about the vertical [rad].
+    start_offsets:
+        ``"stable"``: legs that swing later start ahead, so that all strokes are centred. ``"B15"`` and ``"B16"``: as
+        the paper prints them, legs 2, 4, 6 behind by half a step, or leg 2 ahead and 4, 6 behind (B-E2).
+    first_group:
+        Which group of the gait swings first.
+    arch:
+        Height of a swing in heights of the paper's cycloid, or ``"clear"``: for each swing the lowest, from 1 in
+        quarters, that clears the terrain.
+    step_duration:
+        Duration of a step [s].
+    gait:
+        The gait; None is the tripod.
+    on_failure:
+        ``"raise"`` refuses a plan out of reach or limits, naming leg and time; ``"mark"`` returns it with flags.
+
+    Raises UnreachableError, JointLimitError, ClearanceError, InvalidInputError or UnknownNameError.
+    """
+    _check(locals())
+    gait = tripod(robot) if gait is None else gait
+    if gait.num_legs != robot.num_legs:
+        raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
+    course = _Course(robot, terrain, gait, step_length, heading, start, yaw, start_offsets, first_group)
+
+    num_samples = num_steps * samples_per_step + 1
+    progress = np.arange(num_samples) / samples_per_step  # in steps
+    step = np.minimum(progress.astype(int), num_steps - 1)
+    phase = np.clip((progress - step)[:, None] * gait.phases_per_cycle - course.order, 0.0, 1.0)  # of each leg's swing
+
+    ground = course.ground(np.arange(num_steps + 1))
+    centers = ground + robot.foot_radius * course.normal(ground)
+    arches = _arches(course, centers, num_steps, arch)
+    p_world_foot = adapted_cycloid(centers[step], centers[step + 1], phase, arches[step])
+    # At the ends of a swing the foothold itself, so that a foot in stance has exactly one position.
+    p_world_foot = np.where((phase == 0.0)[..., None], centers[step], p_world_foot)
+    p_world_foot = np.where((phase == 1.0)[..., None], centers[step + 1], p_world_foot)
+    stance = (phase == 0.0) | (phase == 1.0)
+
+    height = standing_height(robot) if body_height is None else body_height
+    sway = amplitude * np.sin(2.0 * np.pi * progress / period) if body_motion == "sinusoidal" else np.zeros(num_samples)
+    T_world_body = _body_poses(course, ground, progress, step, height + sway, height_reference, body_orientation, yaw)
+
+    solution = path_inverse_kinematics(robot, transform_points(inverse_pose(T_world_body), p_world_foot))
+    time = step_duration * progress
+    if on_failure == "raise":
+        _refuse(robot, solution, time)
+    return WalkPlan(
+        time=time,
+        T_world_body=T_world_body,
+        p_world_foot=p_world_foot,
+        q=solution.q,
+        stance=stance,
+        reachable=solution.reachable,
+        within_limits=solution.within_limits,
+        footholds=ground,
+        ground_height=course.ground_under(p_world_foot, centers, step),
+        arch=arches,
+        foot_radius=robot.foot_radius,
+        parameters={
+            "robot": robot.name,
+            "terrain": repr(terrain),
+            "num_steps": num_steps,
+            "step_length": step_length,
+            "heading": heading,
+            "body_height": height,
+            "body_motion": body_motion,
+            "start_offsets": start_offsets,
+            "arch": arch,
+        },
+    )
+
+
+def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
+    """Measure what a plan promises: see ``WalkReport``."""
+    held = plan.stance[1:] & plan.stance[:-1]
+    moved = np.linalg.norm(np.diff(plan.p_world_foot, axis=0), axis=-1)
+    # A foot may stand in two samples with a whole swing between them only if there are no samples within it.
+    swung = np.where(plan.stance, np.inf, plan.clearance)
+    at, leg = np.unravel_index(int(np.argmin(swung)), swung.shape)
+    body_foot = transform_points(inverse_pose(plan.T_world_body), plan.p_world_foot)
+    usable = np.where(plan.reachable[..., None], plan.q, 0.0)
+    gap = np.linalg.norm(forward_kinematics(robot, usable) - body_foot, axis=-1)[plan.reachable]
+    margin = np.minimum(plan.q - robot.q_min, robot.q_max - plan.q)[plan.reachable]
+    per_step = (len(plan.time) - 1) // plan.parameters["num_steps"]
+    mean_step = np.diff(plan.footholds.mean(axis=1)[:, :2], axis=0)
+    advance = np.diff(plan.T_world_body[::per_step, :2, 3], axis=0)
+    return WalkReport(
+        stance_drift=float(moved[held].max(initial=0.0)),
+        largest_foot_step=float(moved.max()),
+        largest_joint_step=float(np.nanmax(np.abs(np.diff(plan.q, axis=0)))),
+        lowest_clearance=float(swung[at, leg]),
+        clearance_leg=int(leg) + 1,
+        clearance_time=float(plan.time[at]),
+        limit_margin=float(margin.min()),
+        closure=float(gap.max()),
+        advance_error=float(np.abs(advance - mean_step).max()),
+    )
+
+
+def start_offset(gait: Gait, step_length: float, name: str, first_group: int = 0) -> Array:
+    """How far ahead [m] of its standing foothold each leg starts, (L,) (B(15)-(16), B-E2)."""
+    offset = np.zeros(gait.num_legs)
+    if name == "stable":
+        for group, legs in enumerate(gait.groups):
+            turn = (group - first_group) % gait.phases_per_cycle
+            offset[list(legs)] = turn * step_length / gait.phases_per_cycle
+        return offset
+    if gait.name != "tripod":
+        raise InvalidInputError(f"start_offsets: {name!r} is defined for the tripod gait only, got {gait.name}")
+    offset[[1, 3, 5]] = -step_length / 2.0
+    if name == "B16":
+        offset[1] = step_length / 2.0
+    return offset
+
+
+class _Course:
+    """Where the legs go: the ground along each leg's own track."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain | LegCurves,
+        gait: Gait,
+        step_length: float,
+        heading: float,
+        start: tuple[float, float],
+        yaw: float,
+        start_offsets: str,
+        first_group: int,
+    ):
+        up = [0.0, 0.0, 1.0]
+        self._terrain, self._step_length = terrain, step_length
+        turn = axis_rotation(up, yaw)
+        self.ahead = axis_rotation(up, heading) @ turn @ robot.forward
+        self.left = np.cross(up, self.ahead)
+        feet = forward_kinematics(robot, robot.standing_q) @ turn.T
+        offset = start_offset(gait, step_length, start_offsets, first_group)
+        self._origin = feet[:, :2] + np.asarray(start) + offset[:, None] * self.ahead[:2]
+        # The turn in a step in which each leg swings.
+        self.order = np.empty(robot.num_legs)
+        for group, legs in enumerate(gait.groups):
+            self.order[list(legs)] = (group - first_group) % gait.phases_per_cycle
+
+    def ground(self, steps: ArrayLike) -> Array:
+        """Points on the ground (..., L, 3) after a number of steps (...) or (..., L), which may be broken."""
+        s = self._step_length * np.asarray(steps, dtype=float)
+        if isinstance(self._terrain, LegCurves):
+            move = self._terrain.displacement(s)
+            xy = self._origin + move[..., :1] * self.ahead[:2] + move[..., 1:2] * self.left[:2]
+            return np.concatenate([xy, move[..., 2:]], axis=-1)
+        s = s[..., None] if s.ndim < 2 else s
+        xy = self._origin + s[..., None] * self.ahead[:2]
+        return np.concatenate([xy, self._terrain.height(xy[..., 0], xy[..., 1])[..., None]], axis=-1)
+
+    def normal(self, ground: Array) -> Array:
+        """Unit normals (..., 3) at points on the ground; the curves of paper B have none and count as level."""
+        if isinstance(self._terrain, LegCurves):
+            return np.broadcast_to([0.0, 0.0, 1.0], ground.shape)
+        return self._terrain.normal(ground[..., 0], ground[..., 1])
+
+    def ground_under(self, feet: Array, centers: Array, step: NDArray[np.int_]) -> Array:
+        """Height (n, L) [m] of the ground below feet (n, L, 3); on paper B's curves, of the leg's own curve."""
+        if not isinstance(self._terrain, LegCurves):
+            return self._terrain.height(feet[..., 0], feet[..., 1])
+        first, chord = centers[step, :, :2], (centers[step + 1] - centers[step])[..., :2]
+        length = np.einsum("...i,...i->...", chord, chord)
+        along = np.einsum("...i,...i->...", feet[..., :2] - first, chord) / np.where(length > 0.0, length, 1.0)
+        return self.ground(step[:, None] + np.clip(along, 0.0, 1.0))[..., 2]
+
+
+def _arches(course: _Course, centers: Array, num_steps: int, arch: float | str) -> Array:
+    """Height factor (k, L) of every swing."""
+    num_legs = centers.shape[1]
+    if arch != "clear":
+        return np.full((num_steps, num_legs), float(arch))
+    samples = np.linspace(0.0, 1.0, 65)[1:-1]
+    radius_up = centers[..., 2] - course.ground(np.arange(num_steps + 1))[..., 2]
+    result = np.ones((num_steps, num_legs))
+    while True:
+        depth = np.full((num_steps, num_legs), np.inf)
+        for k in range(num_steps):
+            path = adapted_cycloid(centers[k], centers[k + 1], samples[:, None], result[k])
+            step = np.full(len(samples), k)
+            ground = course.ground_under(path, centers, step)
+            # Vertical room that a resting foot keeps between centre and ground, from one foothold to the next.
+            rest = radius_up[k] + samples[:, None] * (radius_up[k + 1] - radius_up[k])
+            depth[k] = (path[..., 2] - rest - ground).min(axis=0)
+        cutting = depth < -1e-9
+        if not cutting.any():
+            return result
+        stuck = cutting & (result >= MAX_ARCH)
+        if stuck.any():
+            k, leg = np.argwhere(stuck)[0]
+            raise ClearanceError(int(leg) + 1, int(k) + 1, float(-depth[k, leg]), MAX_ARCH)
+        result = np.where(cutting, result + 0.25, result)
+
+
+def _body_poses(
+    course: _Course,
+    ground: Array,
+    progress: Array,
+    step: Array,
+    height: Array,
+    height_reference: str,
+    orientation: str | ArrayLike,
+    yaw: float,
+) -> Array:
+    """Body poses (n, 4, 4), B(24)-(25): over the mean of the footholds, from one step's mean to the next."""
+    part = (progress - step)[:, None]
+    middle = ground.mean(axis=1)
+    center = (1.0 - part) * middle[step] + part * middle[step + 1]
+    if height_reference == "start":
+        center[:, 2] = middle[0, 2]
+    turn = rpy_rotation([0.0, 0.0, yaw])
+    up = np.broadcast_to([0.0, 0.0, 1.0], center.shape)
+    if isinstance(orientation, str) and orientation == "parallel":
+        normals = _fitted_normals(ground)
+        up = (1.0 - part) * normals[step] + part * normals[step + 1]
+        up = up / np.linalg.norm(up, axis=-1, keepdims=True)
+        rotation = rotation_between([0.0, 0.0, 1.0], up) @ turn
+    elif isinstance(orientation, str):
+        rotation = np.broadcast_to(turn, (len(center), 3, 3))
+    else:
+        rotation = np.broadcast_to(turn @ rpy_rotation(orientation), (len(center), 3, 3))
+    T = np.zeros((len(center), 4, 4))
+    T[:, :3, :3] = rotation
+    T[:, :3, 3] = center + height[:, None] * up
+    T[:, 3, 3] = 1.0
+    return T
+
+
+def _fitted_normals(points: Array) -> Array:
+    """Upward unit normals (k, 3) of the planes z = a x + b y + c that fit points (k, L, 3) best."""
+    offset = points - points.mean(axis=1, keepdims=True)
+    moment = np.einsum("kli,klj->kij", offset[..., :2], offset[..., :2])
+    slope = np.linalg.solve(moment, np.einsum("kli,kl->ki", offset[..., :2], offset[..., 2])[..., None])[..., 0]
+    normal = np.concatenate([-slope, np.ones((len(points), 1))], axis=-1)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+
+def _refuse(robot: Robot, solution: InverseSolution, time: Array) -> None:
+    """Raise for the first instant that is out of reach, else for the first that is out of the limits."""
+    if not solution.reachable.all():
+        at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])
+        low, high = solution.reach[at, leg]
+        raise UnreachableError(
+            leg + 1, float(solution.distance[at, leg]), (float(low), float(high)), time=float(time[at])
+        )
+    if not solution.within_limits.all():
+        at, leg = (int(i) for i in np.argwhere(~solution.within_limits)[0])
+        q, low, high = solution.q[at, leg], robot.q_min[leg], robot.q_max[leg]
+        joint = int(np.argmax(np.maximum(low - q, q - high)))
+        limits = (float(low[joint]), float(high[joint]))
+        raise JointLimitError(leg + 1, robot.table.joints[joint], float(q[joint]), limits, float(time[at]))
+
+
+def _check(arguments: dict[str, Any]) -> None:
+    a = arguments
+    if not isinstance(a["terrain"], (Terrain, LegCurves)):
+        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "HeightField", "LegCurves")]
+        raise UnknownNameError("terrain", a["terrain"], known)
+    for name, least in (("num_steps", 1), ("samples_per_step", 2)):
+        if not isinstance(a[name], (int, np.integer)) or a[name] < least:
+            raise InvalidInputError(f"{name}: {a[name]!r}, expected a whole number of at least {least}")
+    check_number("step_length", a["step_length"], at_least=0.0, unit="m")
+    for name in ("heading", "yaw", "amplitude"):
+        check_number(name, a[name])
+    for name in ("period", "step_duration"):
+        check_number(name, a[name], above=0.0)
+    if a["body_height"] is not None:
+        check_number("body_height", a["body_height"], above=0.0, unit="m")
+    if a["arch"] != "clear":
+        check_number("arch", a["arch"], above=0.0)
+    check_array("start", a["start"], (2,), ("coordinate",))
+    options: dict[str, tuple[str, ...]]
+    for name, options in {
+        "body_motion": BODY_MOTIONS,
+        "height_reference": HEIGHT_REFERENCES,
+        "start_offsets": START_OFFSETS,
+        "on_failure": ("raise", "mark"),
+    }.items():
+        if a[name] not in options:
+            raise UnknownNameError(name, a[name], list(options))
+    if isinstance(a["body_orientation"], str):
+        if a["body_orientation"] not in ORIENTATIONS:
+            raise UnknownNameError("body_orientation", a["body_orientation"], [*ORIENTATIONS, "an array of angles"])
+    else:
+        n = a["num_steps"] * a["samples_per_step"] + 1
+        rpy = check_array("body_orientation", a["body_orientation"], (3,), ("angle",))
+        if rpy.shape not in ((3,), (n, 3)):
+            raise InvalidInputError(f"body_orientation: expected shape (3,) or ({n}, 3), got {rpy.shape}")
