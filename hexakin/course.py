@@ -1,0 +1,120 @@
+"""Where the legs go: the ground along each leg's track, starting offsets, and swings high enough to clear it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.exceptions import ClearanceError, InvalidInputError
+from hexakin.gait import Gait
+from hexakin.kinematics import forward_kinematics
+from hexakin.leg_curves import LegCurves
+from hexakin.robot import Robot
+from hexakin.swing import adapted_cycloid
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, axis_rotation
+
+START_OFFSETS = ("stable", "B15", "B16")
+MAX_ARCH = 4.0
+"""Highest swing tried for ``arch="clear"``, in heights of the paper's cycloid."""
+
+
+def start_offset(gait: Gait, step_length: float, name: str, first_group: int = 0) -> Array:
+    """How far ahead [m] of its standing foothold each leg starts, (L,) (B(15)-(16), B-E2)."""
+    offset = np.zeros(gait.num_legs)
+    if name == "stable":
+        for group, legs in enumerate(gait.groups):
+            turn = (group - first_group) % gait.phases_per_cycle
+            offset[list(legs)] = turn * step_length / gait.phases_per_cycle
+        return offset
+    if gait.name != "tripod":
+        raise InvalidInputError(f"start_offsets: {name!r} is defined for the tripod gait only, got {gait.name}")
+    offset[[1, 3, 5]] = -step_length / 2.0
+    if name == "B16":
+        offset[1] = step_length / 2.0
+    return offset
+
+
+class Course:
+    """Where the legs go: the ground along each leg's own track."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain | LegCurves,
+        gait: Gait,
+        step_length: float,
+        heading: float,
+        start: tuple[float, float],
+        yaw: float,
+        start_offsets: str,
+        first_group: int,
+    ):
+        up = [0.0, 0.0, 1.0]
+        self._terrain, self._step_length = terrain, step_length
+        turn = axis_rotation(up, yaw)
+        self.ahead = axis_rotation(up, heading) @ turn @ robot.forward
+        self.left = np.cross(up, self.ahead)
+        feet = forward_kinematics(robot, robot.standing_q) @ turn.T
+        offset = start_offset(gait, step_length, start_offsets, first_group)
+        self._origin = feet[:, :2] + np.asarray(start) + offset[:, None] * self.ahead[:2]
+        # The turn in a step in which each leg swings.
+        self.order = np.empty(robot.num_legs)
+        for group, legs in enumerate(gait.groups):
+            self.order[list(legs)] = (group - first_group) % gait.phases_per_cycle
+
+    def ground(self, steps: ArrayLike) -> Array:
+        """Points on the ground (..., L, 3) after a number of steps (...) or (..., L), which may be broken."""
+        s = self._step_length * np.asarray(steps, dtype=float)
+        if isinstance(self._terrain, LegCurves):
+            move = self._terrain.displacement(s)
+            xy = self._origin + move[..., :1] * self.ahead[:2] + move[..., 1:2] * self.left[:2]
+            return np.concatenate([xy, move[..., 2:]], axis=-1)
+        s = s[..., None] if s.ndim < 2 else s
+        xy = self._origin + s[..., None] * self.ahead[:2]
+        return np.concatenate([xy, self._terrain.height(xy[..., 0], xy[..., 1])[..., None]], axis=-1)
+
+    def normal(self, ground: Array) -> Array:
+        """Unit normals (..., 3) at points on the ground; the curves of paper B have none and count as level."""
+        if isinstance(self._terrain, LegCurves):
+            return np.broadcast_to([0.0, 0.0, 1.0], ground.shape)
+        return self._terrain.normal(ground[..., 0], ground[..., 1])
+
+    def ground_under(self, feet: Array, centers: Array, step: NDArray[np.int_]) -> Array:
+        """Height (n, L) [m] of the ground below feet (n, L, 3); on paper B's curves, of the leg's own curve."""
+        if not isinstance(self._terrain, LegCurves):
+            return self._terrain.height(feet[..., 0], feet[..., 1])
+        first, chord = centers[step, :, :2], (centers[step + 1] - centers[step])[..., :2]
+        length = np.einsum("...i,...i->...", chord, chord)
+        along = np.einsum("...i,...i->...", feet[..., :2] - first, chord) / np.where(length > 0.0, length, 1.0)
+        return self.ground(step[:, None] + np.clip(along, 0.0, 1.0))[..., 2]
+
+
+def swing_arches(course: Course, centers: Array, num_steps: int, arch: float | str) -> Array:
+    """Height (k, L) of every swing in heights of the paper's cycloid.
+
+    Raises ClearanceError if ``"clear"`` is asked for and cannot be had.
+    """
+    num_legs = centers.shape[1]
+    if arch != "clear":
+        return np.full((num_steps, num_legs), float(arch))
+    samples = np.linspace(0.0, 1.0, 65)[1:-1]
+    radius_up = centers[..., 2] - course.ground(np.arange(num_steps + 1))[..., 2]
+    result = np.ones((num_steps, num_legs))
+    while True:
+        depth = np.full((num_steps, num_legs), np.inf)
+        for k in range(num_steps):
+            path = adapted_cycloid(centers[k], centers[k + 1], samples[:, None], result[k])
+            step = np.full(len(samples), k)
+            ground = course.ground_under(path, centers, step)
+            # Vertical room that a resting foot keeps between centre and ground, from one foothold to the next.
+            rest = radius_up[k] + samples[:, None] * (radius_up[k + 1] - radius_up[k])
+            depth[k] = (path[..., 2] - rest - ground).min(axis=0)
+        cutting = depth < -1e-9
+        if not cutting.any():
+            return result
+        stuck = cutting & (result >= MAX_ARCH)
+        if stuck.any():
+            k, leg = np.argwhere(stuck)[0]
+            raise ClearanceError(int(leg) + 1, int(k) + 1, float(-depth[k, leg]), MAX_ARCH)
+        result = np.where(cutting, result + 0.25, result)
