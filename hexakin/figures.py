@@ -131,6 +131,41 @@ def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool
             ax.text(*(point + [0.0, 0.0, -1.6 * MM * 0.01]), name, ha="left", va="top", fontsize=8, zorder=5)
 
 
+def draw_wireframe(
+    ax: Any,
+    robot: Robot,
+    q: ArrayLike,
+    T_world_body: ArrayLike | None = None,
+    *,
+    legs: Sequence[int] | None = None,
+    torso: bool = True,
+    colour: Any = GREY,
+    width: float = 1.2,
+) -> None:
+    """Draw the robot as lines: the torso's edges and, for each leg, the line through its joints to the foot.
+
+    ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); ``legs`` (indices from 0) are the ones drawn, None is all.
+    """
+    T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
+    joints, feet = segment_poses(robot, q)[..., :3, 3], forward_kinematics(robot, q)
+    lines = transform_points(T, np.concatenate([joints, feet[:, None]], axis=1).reshape(-1, 3))
+    lines = lines.reshape(robot.num_legs, -1, 3) * MM
+    drawn = range(robot.num_legs) if legs is None else legs
+    for leg in drawn:
+        ax.plot(*lines[leg].T, "o-", color=colour, lw=width, ms=1.6 * width, zorder=5)
+    if torso:
+        faces = _prism(T, robot.torso.center_of_mass, robot.torso.size) * MM
+        ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, zorder=5))
+
+
+def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
+    """Plot one leg's three angles ``q`` (n, 3) [rad] in degrees over ``x`` (n,), with names of the robot's joints."""
+    for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
+        ax.plot(np.asarray(x), angle, style, label=rf"$\{name}$")
+    ax.set_ylabel("angle [deg]")
+    ax.margins(x=0.0)
+
+
 def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
     """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
 

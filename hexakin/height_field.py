@@ -34,14 +34,14 @@ class HeightField:
         object.__setattr__(self, "z", read_only(check_array("HeightField: z", self.z, (len(self.x), len(self.y)))))
 
     def __repr__(self) -> str:
-        low, high = (self.x[0], self.y[0]), (self.x[-1], self.y[-1])
-        return f"HeightField({self.z.shape[0]} x {self.z.shape[1]} points from {low} to {high} m)"
+        grid = f"{self.z.shape[0]} x {self.z.shape[1]} points"
+        return f"HeightField({grid}, x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m)"
 
     def _cell(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
         """Height and slopes (per cell) of the triangle under each point, and the place in its cell."""
         px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         u, v = (px - self.x[0]) / (self.x[1] - self.x[0]), (py - self.y[0]) / (self.y[1] - self.y[0])
-        outside = ~((u >= 0) & (u <= len(self.x) - 1) & (v >= 0) & (v <= len(self.y) - 1))
+        outside = ~((px >= self.x[0]) & (px <= self.x[-1]) & (py >= self.y[0]) & (py <= self.y[-1]))
         if outside.any():
             at = tuple(np.argwhere(outside)[0])
             raise InvalidInputError(f"({px[at]:.4g}, {py[at]:.4g}) m lies outside the {self!r}")

@@ -47,3 +47,64 @@ def test_the_ramp_rises_by_ten_degrees_along_y_and_a_start_leaves_level_ground_b
 def test_impossible_ramps_are_refused(arguments):
     with pytest.raises(InvalidInputError, match="Ramp: "):
         hk.terrain.Ramp(**arguments)
+
+
+@pytest.fixture(scope="module")
+def hills():
+    x, y = np.linspace(-1, 1, 41), np.linspace(-0.8, 1.2, 61)
+    X, Y = np.meshgrid(x, y, indexing="ij")
+    return hk.terrain.HeightField(x, y, 0.1 * np.sin(3 * X) * np.cos(2 * Y))
+
+
+def test_a_height_field_passes_through_its_points_and_is_flat_between(hills, rng):
+    assert hills.height(hills.x[:, None], hills.y[None, :]) == pytest.approx(hills.z, abs=1e-15)
+    vertices, triangles = hills.shapes()[0]
+    corners = vertices[triangles[rng.integers(len(triangles), size=300)]]
+    weights = rng.dirichlet(np.ones(3), size=300)
+    points = np.einsum("nk,nki->ni", weights, corners)
+    assert hills.height(points[:, 0], points[:, 1]) == pytest.approx(points[:, 2], abs=1e-12)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    assert (normal[:, 2] > 0).all()
+    assert hills.normal(points[:, 0], points[:, 1]) == pytest.approx(normal, abs=1e-9)
+
+
+def test_a_ray_onto_a_height_field_ends_on_it(hills, rng):
+    origin = np.column_stack([rng.uniform(-0.5, 0.5, (50, 2)), np.full(50, 0.5)])
+    direction = np.column_stack([rng.uniform(-0.3, 0.3, (50, 2)), np.full(50, -1.0)])
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    end = origin + hills.distance_along(origin, direction)[:, None] * direction
+    assert hills.height(end[:, 0], end[:, 1]) == pytest.approx(end[:, 2], abs=1e-9)
+    assert hills.distance_along([0, 0, 1], [0, 0, 1]) == np.inf
+    assert hills.distance_along([0, 0, -1], [0, 0, -1]) < 0
+
+
+def test_a_point_outside_a_height_field_is_named(hills):
+    with pytest.raises(
+        InvalidInputError, match=r"\(1\.1, 0\) m lies outside the HeightField\(41 x 61 points, x -1 to 1 m"
+    ):
+        hills.height(1.1, 0.0)
+
+
+@pytest.mark.parametrize(
+    "x, z, message",
+    [
+        ([0, 1, 3], np.zeros((3, 2)), "x must be at least two evenly spaced"),
+        ([0], np.zeros((1, 2)), "x must be at least two"),
+        ([1, 0], np.zeros((2, 2)), "ascending"),
+        ([0, 1], np.full((2, 2), np.nan), "z: index .* is nan"),
+        ([0, 1], np.zeros((3, 2)), "z: expected shape"),
+    ],
+)
+def test_bad_height_fields_are_refused(x, z, message):
+    with pytest.raises(InvalidInputError, match=message):
+        hk.terrain.HeightField(x, [0, 1], z)
+
+
+def test_athena_stands_on_a_height_field_as_on_the_plane_it_is(athena):
+    x = np.linspace(-1, 1, 21)
+    flat = hk.terrain.HeightField(x, x, np.zeros((21, 21)))
+    recording = hk.simulate(
+        athena, flat, hk.PostureController(athena, stride=0.0, apex=0.0), duration=1.0, time_step=0.005
+    )
+    assert recording.height == pytest.approx(np.full(20, 0.104), abs=2e-3)
