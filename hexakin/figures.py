@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.patches import FancyBboxPatch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from hexakin.kinematics import forward_kinematics, segment_poses
 from hexakin.robot import SEGMENT_NAMES, Robot
 from hexakin.terrain import Terrain
 from hexakin.transforms import Array, transform_points
+from hexakin.walker import WalkPlan
 
 # Okabe and Ito's colours, which stay apart for colour-blind readers.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
@@ -61,7 +63,7 @@ def set_equal_3d(ax: Any, low: ArrayLike, high: ArrayLike) -> None:
     """Show the box from ``low`` to ``high`` (3,) [m] with equal scales."""
     lower, upper = np.asarray(low) * MM, np.asarray(high) * MM
     ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
-    ax.set_box_aspect(upper - lower, zoom=1.15)
+    ax.set_box_aspect(upper - lower, zoom=1.05)
 
 
 def _prism(T: Array, center: ArrayLike, size: ArrayLike) -> Array:
@@ -87,17 +89,17 @@ def draw_robot(
     feet = transform_points(T, forward_kinematics(robot, q))
     segments = segment_poses(robot, q)
     faces = [_prism(T, robot.torso.center_of_mass, robot.torso.size)]
-    colours: list[str] = ["#b0b0b0"] * 6
+    colours = [(0.6, 0.6, 0.6, 0.55)] * 6  # so that the legs behind can be seen
     for leg in range(robot.num_legs):
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
         for k, name in enumerate(SEGMENT_NAMES):
             body = robot.segments[name]
             slim = body.size * [1.0, 0.5, 0.5]  # half as thick as they are, so that the joints can be seen
             faces.append(_prism(T @ segments[leg, k], body.center_of_mass, slim))
-            colours += [colour] * 6
+            colours += [to_rgba(colour)] * 6
         sphere = _sphere(feet[leg], robot.foot_radius)
         faces.append(sphere)
-        colours += ["#404040"] * len(sphere)
+        colours += [to_rgba("#404040")] * len(sphere)
     polygons = np.concatenate(faces) * MM
     ax.add_collection3d(
         Poly3DCollection(polygons, facecolors=colours, edgecolors="k", linewidths=0.15, zorder=3, shade=True)
@@ -285,3 +287,21 @@ def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Seq
         if label:
             ax.text((x0 + x1) / 2, (y0 + y1) / 2, label, fontsize=8, ha="center", va="center",
                     bbox={"facecolor": "w", "edgecolor": "none", "pad": 1})  # fmt: skip
+
+
+def draw_plan(ax: Any, robot: Robot, plan: WalkPlan, samples: Sequence[int], *, ground: bool = True) -> None:
+    """Draw a planned walk: foot paths in the legs' colours, the body's path, and the robot at some ``samples``.
+
+    With ``ground`` the footholds of each leg are joined by a dashed line, for terrains without a surface to draw.
+    """
+    for leg in range(robot.num_legs):
+        colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
+        ax.plot(*(plan.p_world_foot[:, leg].T * MM), color=colour, lw=0.9, zorder=2)
+        if ground:
+            ax.plot(*(plan.footholds[:, leg].T * MM), ".--", color=colour, lw=0.6, ms=4, zorder=1)
+    ax.plot(*(plan.T_world_body[:, :3, 3].T * MM), color="k", lw=1.2, zorder=2)
+    for sample in samples:
+        draw_robot(ax, robot, plan.q[sample], plan.T_world_body[sample])
+    points = np.concatenate([plan.p_world_foot.reshape(-1, 3), plan.T_world_body[:, :3, 3]])
+    room = np.array([0.05, 0.05, robot.foot_radius + 0.02])
+    set_equal_3d(ax, points.min(axis=0) - room, points.max(axis=0) + [0.05, 0.05, 0.08])

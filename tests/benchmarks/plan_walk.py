@@ -1,0 +1,71 @@
+"""Time ``plan_walk`` (7 steps, 6 legs, 100 samples a step) beside a plain loop over samples and legs, in turn.
+
+Run with ``python tests/benchmarks/plan_walk.py [repeats]``. The loop is what one would write without arrays: for each
+sample and leg a cycloid point, a change of frame and the paper's inverse formulas in plain ``math``. Both must agree first.
+"""
+
+import math
+import statistics
+import sys
+import time
+
+import numpy as np
+
+import hexakin as hk
+
+NUM_STEPS, STEP, SAMPLES = 7, 0.05, 100
+
+
+def loop(robot, footholds, height):
+    """Joint angles (n, 6, 3) on flat ground, one number at a time; angles as in B(12)-(13)."""
+    _, _, r_1, l_2, l_3 = (float(value) for value in robot.parameters[0])
+    mounts = robot.parameters[:, :2].tolist()
+    q = []
+    for sample in range(NUM_STEPS * SAMPLES + 1):
+        progress = sample / SAMPLES
+        step = min(int(progress), NUM_STEPS - 1)
+        part = progress - step
+        before, after = footholds[step], footholds[step + 1]
+        bx = sum((1 - part) * a[0] + part * b[0] for a, b in zip(before, after, strict=True)) / 6
+        by = sum((1 - part) * a[1] + part * b[1] for a, b in zip(before, after, strict=True)) / 6
+        row = []
+        for leg in range(6):
+            phase = min(max(2 * part - (leg % 2), 0.0), 1.0)
+            start, end = before[leg], after[leg]
+            dx, dy = end[0] - start[0], end[1] - start[1]
+            length = math.hypot(dx, dy)
+            radius, angle = length / (2 * math.pi), 2 * math.pi * phase
+            along, z = radius * (angle - math.sin(angle)), radius * (1 - math.cos(angle))
+            x = start[0] + along * dx / length - bx - mounts[leg][0]
+            y = start[1] + along * dy / length - by - mounts[leg][1]
+            up = z - height - r_1
+            reach = math.hypot(x, y)
+            square = reach**2 + up**2
+            knee = math.acos((square - l_2**2 - l_3**2) / (2 * l_2 * l_3))
+            hip = math.atan2(-up, reach) - math.atan2(l_3 * math.sin(knee), l_2 + l_3 * math.cos(knee))
+            row.append((math.atan2(y, x), hip, knee))
+        q.append(row)
+    return np.array(q)
+
+
+def main() -> None:
+    """Check that both agree, then print medians and the ratio."""
+    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 30
+    robot = hk.load_robot("hwr")
+    plan = hk.plan_walk(robot, hk.terrain.Plane(), NUM_STEPS, STEP, samples_per_step=SAMPLES)
+    footholds, height = plan.footholds.tolist(), float(plan.T_world_body[0, 2, 3])
+    assert np.abs(loop(robot, footholds, height) - plan.q).max() < 1e-9
+    pairs = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        hk.plan_walk(robot, hk.terrain.Plane(), NUM_STEPS, STEP, samples_per_step=SAMPLES)
+        middle = time.perf_counter()
+        loop(robot, footholds, height)
+        pairs.append((middle - start, time.perf_counter() - middle))
+    ours, plain = (1e3 * statistics.median(column) for column in zip(*pairs, strict=True))
+    ratio = statistics.median(a / b for a, b in pairs)
+    print(f"plan_walk {ours:.1f} ms, plain loop {plain:.1f} ms, ratio {ratio:.2f} ({repeats} pairs)")
+
+
+if __name__ == "__main__":
+    main()
