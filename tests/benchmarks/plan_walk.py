@@ -1,7 +1,8 @@
 """Time ``plan_walk`` (7 steps, 6 legs, 100 samples a step) beside a plain loop over samples and legs, in turn.
 
 Run with ``python tests/benchmarks/plan_walk.py [repeats]``. The loop is what one would write without arrays: for each
-sample and leg a cycloid point, a change of frame and the paper's inverse formulas in plain ``math``. Both must agree first.
+sample and leg a cycloid point, a change of frame and the paper's inverse formulas in plain ``math``. Both must agree
+first.
 """
 
 import math
