@@ -22,8 +22,8 @@ test: $(VENV)/installed
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
 	$(RUN) mypy
-	$(RUN) pytest tests
-	$(RUN) pytest --nbval notebooks
+	$(RUN) pytest -n 2 tests
+	$(RUN) pytest -n 2 --dist loadfile --nbval notebooks
 
 lab: $(VENV)/installed
 	$(RUN) jupyter lab notebooks

@@ -53,6 +53,7 @@ def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimut
     ax = figure.add_subplot(position, projection="3d", computed_zorder=False)
     ax.view_init(elev=elevation, azim=azimuth)
     ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    ax.patch.set_visible(False)  # it would cover the labels of the panel beside it
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.pane.set_alpha(0.0)
         axis.set_major_locator(plt.MaxNLocator(4))

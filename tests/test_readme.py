@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 NOTEBOOKS = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "notebooks").glob("*.ipynb")}
-TABLE = re.findall(r"^\| ([AB] Figs? [^|]+?) \| [^|]+ \| ([^|]*?) \| ([^|]+?) \|$", README, re.MULTILINE)
+TABLE = re.findall(r"^\| ([AB] Fig\. [^|]+?) \| [^|]+ \| ([^|]*?) \| ([^|]+?) \|$", README, re.MULTILINE)
 
 
 def sources(notebook, kind=None):

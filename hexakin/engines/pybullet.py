@@ -56,8 +56,8 @@ class PyBulletEngine(Engine):
     it drive the joint at rate * (command - angle), inside the solver and limited in torque.
     Bullet multiplies the two partners' coefficients, so that the ground gets 1 and the robot the value.
 
-    ``solver_iterations`` of Bullet's Gauss-Seidel solver: its default of 50 leaves the servos and rates visibly
-    unconverged. ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or
+    Bullet's Gauss-Seidel solver stops at its residual threshold ``solver_residual`` or after ``solver_iterations``. Its
+    own default of 50 iterations leaves servos and rates visibly unconverged. ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or
     Bullet's ``"cone"``, under which standing feet creep by millimetres in ten seconds.
     """
 
@@ -71,7 +71,8 @@ class PyBulletEngine(Engine):
         time_step: float = 0.001,
         friction: float = 0.9,
         restitution: float = 0.5,
-        solver_iterations: int = 100,
+        solver_residual: float = 1e-2,
+        solver_iterations: int = 500,
         friction_model: Literal["pyramid", "cone"] = "pyramid",
     ):
         if friction_model not in ("pyramid", "cone"):
@@ -84,6 +85,7 @@ class PyBulletEngine(Engine):
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=time_step,
+            solverResidualThreshold=solver_residual,
             numSolverIterations=solver_iterations,
             enableConeFriction=int(friction_model == "cone"),
             numSubSteps=0,
