@@ -58,19 +58,21 @@ class Course:
         feet = forward_kinematics(robot, robot.standing_q) @ turn.T
         offset = start_offset(gait, step_length, start_offsets, first_group)
         self._origin = feet[:, :2] + np.asarray(start) + offset[:, None] * self.ahead[:2]
+        # Where the body stands relative to the mean of its standing feet, seen from above.
+        self.body_offset = -feet[:, :2].mean(axis=0)
         # The turn in a step in which each leg swings.
-        self.order = np.empty(robot.num_legs)
+        self.order = np.zeros(robot.num_legs, dtype=int)
         for group, legs in enumerate(gait.groups):
             self.order[list(legs)] = (group - first_group) % gait.phases_per_cycle
 
     def ground(self, steps: ArrayLike) -> Array:
         """Points on the ground (..., L, 3) after a number of steps (...) or (..., L), which may be broken."""
         s = self._step_length * np.asarray(steps, dtype=float)
+        s = s[..., None] if s.ndim < 2 else s
         if isinstance(self._terrain, LegCurves):
             move = self._terrain.displacement(s)
             xy = self._origin + move[..., :1] * self.ahead[:2] + move[..., 1:2] * self.left[:2]
             return np.concatenate([xy, move[..., 2:]], axis=-1)
-        s = s[..., None] if s.ndim < 2 else s
         xy = self._origin + s[..., None] * self.ahead[:2]
         return np.concatenate([xy, self._terrain.height(xy[..., 0], xy[..., 1])[..., None]], axis=-1)
 

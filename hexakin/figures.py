@@ -154,11 +154,13 @@ def draw_wireframe(
     lines = transform_points(T, np.concatenate([joints, feet[:, None]], axis=1).reshape(-1, 3))
     lines = lines.reshape(robot.num_legs, -1, 3) * MM
     drawn = range(robot.num_legs) if legs is None else legs
+    # Seen beyond the panel's edge; the layout would otherwise take 3D points for places on the page.
+    unclipped: dict[str, Any] = {"zorder": 5, "clip_on": False, "in_layout": False}
     for leg in drawn:
-        ax.plot(*lines[leg].T, "o-", color=colour, lw=width, ms=1.6 * width, zorder=5)
+        ax.plot(*lines[leg].T, "o-", color=colour, ms=1.6 * width, lw=width, **unclipped)
     if torso:
         faces = _prism(T, robot.torso.center_of_mass, robot.torso.size) * MM
-        ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, zorder=5))
+        ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, **unclipped))
 
 
 def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
@@ -172,7 +174,8 @@ def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
 def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
     """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
 
-    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs whose first axis is vertical and whose others are level.
+    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs of paper A's kind: the first axis vertical, angles
+    counted from the direction of the mount and upwards.
     """
     q = np.asarray(q, dtype=float)
     poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]

@@ -19,6 +19,13 @@ class Gait:
     num_legs: int
     groups: tuple[tuple[int, ...], ...]
 
+    def __post_init__(self) -> None:
+        legs = [leg for group in self.groups for leg in group]
+        if sorted(legs) != list(range(self.num_legs)) or not all(self.groups):
+            raise InvalidInputError(
+                f"gait {self.name!r}: groups {self.groups} must hold each of the legs 0 to {self.num_legs - 1} once"
+            )
+
     @property
     def phases_per_cycle(self) -> int:
         """Number of phases in a gait cycle."""

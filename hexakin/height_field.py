@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain import TriangleMesh
+from hexakin.terrain import TriangleMesh, check_points
 from hexakin.transforms import Array, check_array, read_only
 
 
@@ -34,12 +35,15 @@ class HeightField:
         object.__setattr__(self, "z", read_only(check_array("HeightField: z", self.z, (len(self.x), len(self.y)))))
 
     def __repr__(self) -> str:
+        digest = hashlib.sha256(self.z.tobytes()).hexdigest()[:12]
         grid = f"{self.z.shape[0]} x {self.z.shape[1]} points"
-        return f"HeightField({grid}, x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m)"
+        return (
+            f"HeightField({grid}, x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m, {digest})"
+        )
 
     def _cell(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
         """Height and slopes (per cell) of the triangle under each point, and the place in its cell."""
-        px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        px, py = check_points(x, y)
         u, v = (px - self.x[0]) / (self.x[1] - self.x[0]), (py - self.y[0]) / (self.y[1] - self.y[0])
         outside = ~((px >= self.x[0]) & (px <= self.x[-1]) & (py >= self.y[0]) & (py <= self.y[-1]))
         if outside.any():
@@ -66,8 +70,11 @@ class HeightField:
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
-        """Distance [m] to the ground along a ray; negative where the origin is under it, inf if it leaves the grid."""
-        p, d = np.broadcast_arrays(np.asarray(origin, dtype=float), np.asarray(direction, dtype=float))
+        """Distance [m] to the ground along a ray; inf if it leaves the grid.
+
+        From under the ground it is the vertical gap, negative. The origin must lie over the grid.
+        """
+        p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
         flat = [self._ray(o, r) for o, r in zip(p.reshape(-1, 3), d.reshape(-1, 3), strict=True)]
         return np.array(flat).reshape(p.shape[:-1])
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
 from hexakin.generated import MODULES
-from hexakin.robot import LegTable, Robot
+from hexakin.robot import LegTable, Robot, check_robot
 from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
@@ -29,10 +29,11 @@ _REACH_TOLERANCE = 1e-12
 class InverseSolution:
     """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
 
-    ``q`` (..., L, 3) or (..., L, 4, 3) [rad] in (-pi, pi], NaN where not reachable;
+    ``q`` (..., L, 3) or (..., L, 4, 3) [rad], each within half a turn of the
+    middle of its limits, NaN where not reachable;
     ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
-    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` [m] from the leg's
-    second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
+    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` (..., L) or
+    (..., L, 4) [m] from the leg's second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
     """
 
     q: Array
@@ -56,49 +57,13 @@ def _code(table: LegTable) -> ModuleType | SimpleNamespace:
     return SimpleNamespace(**{name: namespace[name] for name in ("forward", "jacobian", "inverse")})
 
 
-def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
-    """Joint angles along a path of the feet, each leg on one branch throughout.
-
-    ``p_body_foot`` (n, L, 3) [m], in order of time. Branches meet only in singular poses, so that a leg that
-    stays on one moves continuously. Of the branches that reach the whole path, those within the limits
-    throughout come first, and of these the one nearest to ``near`` (L, 3) [rad] at the start. Without ``near``
-    the standing pose's branch is taken if it serves. Where none reaches, the branch that reaches
-    furthest is returned, with its flags.
-    """
-    feet = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
-    if feet.ndim != 3 or len(feet) == 0:
-        raise InvalidInputError(f"p_body_foot: expected shape (n, {robot.num_legs}, 3) with n > 0, got {feet.shape}")
-    if near is None:
-        standing = inverse_kinematics(robot, feet)
-        if standing.within_limits.all():
-            return standing
-    start = robot.standing_q if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
-    every = _solve(robot, feet[..., None, :], BRANCH_SIGNS)
-    change = np.nan_to_num(np.abs(_wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
-    # Sort by reach, then limits, then distance from the start, which is at most pi.
-    cost = -1e3 * every.reachable.mean(axis=0) - 1e1 * every.within_limits.all(axis=0) + change
-    chosen = np.broadcast_to(np.argmin(cost, axis=-1), feet.shape[:-1])
-    return _pick(every, chosen, chosen)
-
-
-def posed_inverse_kinematics(
-    robot: Robot, T_world_body: ArrayLike, p_world_foot: ArrayLike, **options: Any
-) -> InverseSolution:
-    """Inverse kinematics for a body pose and feet in the world, all six degrees of freedom (B(12)).
-
-    ``T_world_body`` (..., 4, 4), ``p_world_foot`` (..., L, 3) [m]; options as for ``inverse_kinematics``.
-    """
-    T = check_array("T_world_body", T_world_body, (4, 4))
-    feet = check_array("p_world_foot", p_world_foot, (robot.num_legs, 3), ("leg", "coordinate"))
-    return inverse_kinematics(robot, transform_points(inverse_pose(T), feet), **options)
-
-
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     """Foot positions in the body frame (A(12)).
 
     ``q`` (..., L, 3) [rad] -> (..., L, 3) [m]. Raises InvalidInputError for a wrong shape or an angle
     that is not finite, naming leg and joint.
     """
+    check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     return _code(robot.table).forward(robot.parameters, angles)
 
@@ -108,6 +73,7 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
 
     ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
     """
+    check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     return _code(robot.table).jacobian(robot.parameters, angles)
 
@@ -134,38 +100,84 @@ def inverse_kinematics(
     Raises InvalidInputError for a wrong shape or a position that is not finite, and UnknownNameError
     for an unknown option.
     """
+    check_robot(robot)
     foot = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
-    if branch not in ("standing", "all"):
+    if not isinstance(branch, str) or branch not in ("standing", "all"):
         raise UnknownNameError("branch", branch, ["standing", "all"])
     if on_unreachable not in ("mark", "raise"):
         raise UnknownNameError("on_unreachable", on_unreachable, ["mark", "raise"])
     if near is not None and branch == "all":
         raise InvalidInputError('near: choose either the branch nearest to it or branch="all", not both')
-    if branch == "all" or near is not None:
+    if near is not None:
+        hint = check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
+        try:
+            foot, hint = np.broadcast_arrays(foot, hint)
+        except ValueError as error:
+            raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
+        solution = _nearest(_solve(robot, foot[..., None, :], BRANCH_SIGNS), hint)
+    elif branch == "all":
         solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS)
-        if near is not None:
-            solution = _nearest(solution, check_array("near", near, (robot.num_legs, 3), ("leg", "joint")))
     else:
         index = standing_branch(robot)
-        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index : index + 1])
-        solution = _pick(solution, np.zeros(foot.shape[:-1], dtype=int), np.full(foot.shape[:-1], index))
+        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index][:, None, :])
+        solution = _pick(solution, np.zeros(foot.shape[:-1], dtype=int), np.broadcast_to(index, foot.shape[:-1]))
     if on_unreachable == "raise":
         _raise_if_unreachable(solution, many=branch == "all")
     return solution
 
 
+def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
+    """Joint angles along a path of the feet, each leg on one branch throughout.
+
+    ``p_body_foot`` (n, L, 3) [m], in order of time. Branches meet only in singular poses, so that a leg that
+    stays on one moves continuously. Of the branches that reach the whole path, those within the limits
+    throughout come first, and of these the one nearest to ``near`` (L, 3) [rad] at the start. Without ``near``
+    the standing pose's branch is taken if it serves. Where none reaches, the branch that reaches
+    furthest is returned, with its flags. Raises InvalidInputError for a wrong shape or a value that is not finite.
+    """
+    feet = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    if feet.ndim != 3 or len(feet) == 0:
+        raise InvalidInputError(f"p_body_foot: expected shape (n, {robot.num_legs}, 3) with n > 0, got {feet.shape}")
+    if near is None:
+        standing = inverse_kinematics(robot, feet)
+        if standing.within_limits.all():
+            return standing
+    start = robot.standing_q if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
+    if start.ndim != 2:
+        raise InvalidInputError(f"near: expected shape ({robot.num_legs}, 3), got {start.shape}")
+    every = _solve(robot, feet[..., None, :], BRANCH_SIGNS)
+    change = np.nan_to_num(np.abs(_wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
+    # By samples reached, then limits, then distance from the start.
+    order = np.lexsort((change, ~every.within_limits.all(axis=0), -every.reachable.sum(axis=0)), axis=-1)
+    chosen = np.broadcast_to(order[:, 0], feet.shape[:-1])
+    return _pick(every, chosen, chosen)
+
+
+def posed_inverse_kinematics(
+    robot: Robot, T_world_body: ArrayLike, p_world_foot: ArrayLike, **options: Any
+) -> InverseSolution:
+    """Inverse kinematics for a body pose and feet in the world, all six degrees of freedom (B(12)).
+
+    ``T_world_body`` (..., 4, 4), ``p_world_foot`` (..., L, 3) [m]; options and errors as for ``inverse_kinematics``.
+    """
+    T = check_array("T_world_body", T_world_body, (4, 4))
+    feet = check_array("p_world_foot", p_world_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    try:
+        np.broadcast_shapes(T.shape[:-2], feet.shape[:-2])
+    except ValueError as error:
+        raise InvalidInputError(f"T_world_body {T.shape} and p_world_foot {feet.shape} do not go together") from error
+    return inverse_kinematics(robot, transform_points(inverse_pose(T), feet), **options)
+
+
 @lru_cache(maxsize=64)
-def _standing_branch(table: LegTable, values: tuple[float, ...], standing: tuple[float, ...]) -> int:
-    p, q = np.array(values), np.array(standing)
-    code = _code(table)
-    foot = code.forward(p, q)
-    angles = np.stack(np.broadcast_arrays(*code.inverse(p, foot, BRANCH_SIGNS[:, 0], BRANCH_SIGNS[:, 1])[0]), axis=-1)
-    return int(np.argmin(np.abs(_wrapped(angles - q)).max(axis=-1)))
-
-
-def standing_branch(robot: Robot) -> int:
-    """Index into ``BRANCH_SIGNS`` of the branch that holds the robot's standing pose."""
-    return _standing_branch(robot.table, tuple(robot.parameters[0]), tuple(robot.standing_q[0]))
+def standing_branch(robot: Robot) -> NDArray[np.int_]:
+    """Index (L,) into ``BRANCH_SIGNS`` of the branch that holds each leg's standing pose."""
+    feet = forward_kinematics(robot, robot.standing_q)
+    every = _solve(robot, feet[:, None, :], BRANCH_SIGNS)
+    change = np.abs(_wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
+    index = np.argmin(np.where(every.reachable, change, np.inf), axis=-1)
+    index.setflags(write=False)
+    return index
 
 
 def standing_height(robot: Robot) -> float:
@@ -180,6 +192,8 @@ def segment_poses(robot: Robot, q: ArrayLike) -> Array:
     ``q`` (L, 3) [rad] -> (L, 3, 4, 4), the segments in the order coxa, femur, tibia.
     """
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    if angles.ndim != 2:
+        raise InvalidInputError(f"q: expected shape ({robot.num_legs}, 3), got {angles.shape}")
     result = np.empty((robot.num_legs, 3, 4, 4))
     for leg in range(robot.num_legs):
         fixed, frames, T = robot.fixed_poses(leg), robot.segment_poses(leg), np.eye(4)
@@ -202,16 +216,18 @@ def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
 
 
 def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolution:
-    """Solve every branch in ``signs`` (b, 2) for feet (..., L, 1, 3)."""
+    """Solve every branch in ``signs`` (b, 2) or (L, b, 2) for feet (..., L, 1, 3)."""
     p = robot.parameters[:, None, :]
-    angles, clearance, outer, inner, distance, reach = _code(robot.table).inverse(p, foot, signs[:, 0], signs[:, 1])
-    shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, len(signs)))
+    angles, clearance, outer, inner, distance, reach = _code(robot.table).inverse(p, foot, signs[..., 0], signs[..., 1])
+    shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, signs.shape[-2]))
     bounds = np.stack([np.broadcast_to(bound, shape) for bound in reach], axis=-1)
     tolerance = _REACH_TOLERANCE * bounds[..., 1] ** 2
     reachable = np.broadcast_to((clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance), shape)
-    q = _wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1))
+    # Each angle within half a turn of the middle of its limits, so that no range is cut at +-pi.
+    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
+    q = middle + _wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1) - middle)
     q = np.where(reachable[..., None], q, np.nan)
-    indices = np.broadcast_to(np.arange(len(signs)), shape)
+    indices = np.broadcast_to(np.arange(signs.shape[-2]), shape)
     return InverseSolution(
         q, reachable, _inside(robot, q, branches=1), indices, np.broadcast_to(distance, shape), bounds
     )
@@ -231,8 +247,7 @@ def _nearest(solution: InverseSolution, near: Array) -> InverseSolution:
     change = np.abs(_wrapped(solution.q - near[..., None, :])).max(axis=-1)
     # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
     position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
-    shape = np.broadcast_shapes(position.shape, near.shape[:-1])
-    return _pick(solution, np.broadcast_to(position, shape), np.broadcast_to(position, shape))
+    return _pick(solution, position, position)
 
 
 def _raise_if_unreachable(solution: InverseSolution, many: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.transforms import Array, check_array, read_only
+from hexakin.transforms import Array, check_array, check_whole, read_only
 
 
 def _zero(*arguments: Array) -> Array:
@@ -34,17 +35,35 @@ class LegCurves:
     num_legs: int = 6
 
     def __post_init__(self) -> None:
+        check_whole("LegCurves: num_legs", self.num_legs, at_least=1)
+        for name in ("reference_y", "reference_z"):
+            if not callable(getattr(self, name)):
+                raise InvalidInputError(f"LegCurves: {name} must be a function, got {getattr(self, name)!r:.80}")
         k = np.ones((3, self.num_legs)) if self.k is None else self.k
         object.__setattr__(self, "k", read_only(check_array("LegCurves: k", k, (3, self.num_legs), ("row", "leg"))))
 
+    def __repr__(self) -> str:
+        sample = self.displacement(np.linspace(0.0, 1.0, 101)[:, None])
+        return f"LegCurves(k={np.asarray(self.k).tolist()}, curves {hashlib.sha256(sample.tobytes()).hexdigest()[:12]})"
+
+    def _reference(self, name: str, *arguments: Array) -> Array:
+        values = np.asarray(getattr(self, name)(*arguments))
+        try:
+            result = np.broadcast_to(values, arguments[0].shape).astype(float)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(
+                f"LegCurves: {name} must return numbers of its argument's shape ({error})"
+            ) from error
+        if not np.isfinite(result).all():
+            raise InvalidInputError(f"LegCurves: {name} is not finite everywhere along the walk")
+        return result
+
     def displacement(self, s: ArrayLike) -> Array:
-        """Displacement (..., L, 3) [m] (ahead, left, up) of each leg's ground at ``s`` (...) or (..., L) [m]."""
+        """Displacement (..., L, 3) [m] (ahead, left, up) of each leg's ground at ``s`` (..., L) or (..., 1) [m]."""
         distance = np.asarray(s, dtype=float)
-        if distance.ndim == 0 or distance.shape[-1] != self.num_legs:
-            distance = distance[..., None]
-        y = np.asarray(self.reference_y(distance), dtype=float)
-        z = np.asarray(self.reference_z(distance, y), dtype=float)
-        if not (np.isfinite(y).all() and np.isfinite(z).all()):
-            raise InvalidInputError("LegCurves: the reference curve is not finite everywhere along the walk")
+        if distance.ndim == 0 or distance.shape[-1] not in (1, self.num_legs):
+            raise InvalidInputError(f"s: expected shape (..., {self.num_legs}) or (..., 1), got {distance.shape}")
+        y = self._reference("reference_y", distance)
+        z = self._reference("reference_z", distance, y)
         k = np.asarray(self.k)
         return np.stack(np.broadcast_arrays(k[0] * distance, k[1] * y, k[2] * z), axis=-1)

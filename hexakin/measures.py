@@ -73,14 +73,11 @@ def per_cycle(recording: Recording) -> CycleMeasures:
     Raises InvalidInputError if there is none.
     """
     cycle = recording.cycle
-    # The last cycle is whole only if the recording goes on into the next one or ends with it.
-    lengths = np.bincount(cycle)
-    shortest = round(
-        recording.parameters["phases_per_cycle"]
-        * recording.parameters["controller"]["phase_duration"]
-        * recording.parameters["control_rate"]
-    )
-    whole = [k for k, length in enumerate(lengths) if k < cycle[-1] or length >= shortest]
+    # The last cycle is whole if its last phase is there and as long as the shortest before it.
+    per_phase = np.bincount(recording.phase)
+    ended = (recording.phase[-1] + 1) % recording.parameters["phases_per_cycle"] == 0
+    ended = ended and len(per_phase) > 1 and per_phase[-1] >= per_phase[:-1].min()
+    whole = [k for k in range(cycle[-1] + 1) if k < cycle[-1] or ended]
     if not whole:
         raise InvalidInputError(f"recording: {recording.time[-1]:g} s hold no whole gait cycle")
     pitch, roll = body_rates(recording)

@@ -78,6 +78,8 @@ def statements(name: str = "athena", path: Path | None = None) -> dict[str, Stat
 def change_percent(before: ArrayLike, after: ArrayLike) -> np.ndarray:
     """Change in percent, paired by repeat: (n,), (n,) -> (n,)."""
     a, b = check_array("before", before, ()), check_array("after", after, ())
+    if a.shape != b.shape or (a == 0.0).any():
+        raise InvalidInputError(f"before, after: shapes {a.shape} and {b.shape} must be equal, and no before zero")
     return 100.0 * (b - a) / a
 
 

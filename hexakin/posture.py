@@ -13,9 +13,9 @@ from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.gait import Gait, tripod
 from hexakin.ground_plane import ground_plane, slope_angles, supporting_feet
 from hexakin.kinematics import forward_kinematics, inverse_kinematics, standing_height
-from hexakin.robot import Robot
+from hexakin.robot import Robot, check_robot
 from hexakin.swing import bezier, stance_line, swing_control_points
-from hexakin.transforms import Array, axis_rotation, check_number
+from hexakin.transforms import Array, axis_rotation, check_number, check_whole
 
 READINGS = ("as_printed", "rotate_foothold")
 STARTS = ("actual", "command")
@@ -75,13 +75,15 @@ class PostureController:
     gait: Gait = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_robot(self.robot)
         for name in ("k_z", "k_alpha", "k_beta"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=1.0)
         for name in ("phase_duration", "extension_speed"):
             check_number(name, getattr(self, name), above=0.0)
         for name in ("stride", "apex", "max_extension"):
             check_number(name, getattr(self, name), at_least=0.0, unit="m")
-        check_number("estimate_every", self.estimate_every, at_least=1)
+        check_whole("estimate_every", self.estimate_every, at_least=1)
+        check_whole("seed", self.seed)
         options = {"reading": READINGS, "start_from": STARTS, "first_phase": FIRST_PHASES}
         for name, known in options.items():
             if getattr(self, name) not in known:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -17,6 +18,13 @@ from hexakin.exceptions import RecordingError
 from hexakin.transforms import Array
 
 _FORMAT = "hexakin-recording-1"
+
+
+def _plain(value: Any) -> Any:
+    """NumPy numbers and arrays as JSON has them."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{value!r:.80} cannot be stored with a recording")
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +110,20 @@ class Recording:
         arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "parameters"}
         try:
             with open(temporary, "wb") as stream:
-                np.savez_compressed(stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters)), **arrays)
+                np.savez_compressed(
+                    stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters), default=_plain), **arrays
+                )
             os.replace(temporary, target)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+_TRAILING: dict[str, tuple[str | int, ...]] = {
+    "T_world_body": (4, 4), "body_velocity": (3,), "body_angular_velocity": (3,), "q": ("L", 3), "q_command": ("L", 3),
+    "joint_torque": ("L", 3), "p_body_foot": ("L", 3), "foot_force": ("L",), "stance": ("L",), "limited": ("L",),
+}  # fmt: skip
+_KINDS = {"phase": "i", "stance": "b", "extending": "b", "limited": "b"}
+_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError, NotImplementedError)
 
 
 def load_recording(path: str | os.PathLike[str]) -> Recording:
@@ -115,7 +133,7 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
     """
     names = [field.name for field in fields(Recording) if field.name != "parameters"]
     try:
-        with np.load(Path(path), allow_pickle=False) as archive:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
             if "format" not in archive or str(archive["format"]) != _FORMAT:
                 raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
             missing = [name for name in [*names, "parameters"] if name not in archive]
@@ -125,11 +143,24 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
             parameters = json.loads(str(archive["parameters"]))
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file") from error
-    except (zipfile.BadZipFile, EOFError, OSError, ValueError, KeyError) as error:
-        if isinstance(error, RecordingError):
-            raise
+    except RecordingError:
+        raise
+    except _DAMAGED as error:
         raise RecordingError(f"{path}: truncated or damaged, not readable as a recording ({error})") from error
-    lengths = {name: len(array) for name, array in arrays.items() if len(array) != len(arrays["time"])}
-    if lengths:
-        raise RecordingError(f"{path}: {lengths} ticks, expected {len(arrays['time'])} as in time")
+    _check(str(path), arrays, parameters)
     return Recording(**arrays, parameters=parameters)
+
+
+def _check(path: str, arrays: dict[str, np.ndarray], parameters: Any) -> None:
+    """Raise RecordingError unless shapes, kinds and the parameters that others rely on are those of the table."""
+    time = arrays["time"]
+    legs = arrays["q"].shape[1] if arrays["q"].ndim == 3 else 0
+    if time.ndim != 1 or len(time) == 0 or legs == 0:
+        raise RecordingError(f"{path}: time {time.shape} and q {arrays['q'].shape} are not those of a recording")
+    for name, array in arrays.items():
+        shape = (len(time), *(legs if size == "L" else size for size in _TRAILING.get(name, ())))
+        if array.shape != shape or array.dtype.kind != _KINDS.get(name, "f"):
+            raise RecordingError(f"{path}: {name} has shape {array.shape} of {array.dtype}, expected {shape}")
+    needed = ("robot", "phases_per_cycle", "controller", "control_rate")
+    if not isinstance(parameters, dict) or any(name not in parameters for name in needed):
+        raise RecordingError(f"{path}: its parameters lack one of {', '.join(needed)}")

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hexakin.exceptions import InvalidInputError
 from hexakin.transforms import Array, axis_rotation, pose, read_only, rotation_between
 
 NUM_JOINTS = 3
@@ -20,7 +21,7 @@ NUM_JOINTS = 3
 SEGMENT_NAMES = ("coxa", "femur", "tibia")
 """One rigid segment behind each joint; the foot is fixed to the last."""
 
-_PI_MULTIPLE = re.compile(r"([+-]?)(\d+)?\*?pi(?:/(\d+))?")
+_PI_MULTIPLE = re.compile(r"([+-]?)(\d{1,6})?\*?pi(?:/(\d{1,6}))?")
 
 
 def pi_multiple(entry: str | int) -> Fraction | None:
@@ -132,6 +133,13 @@ class Leg:
     name: str
     values: Mapping[str, float]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+    def __reduce__(self) -> tuple:
+        """Pickle by value: read-only mappings cannot be pickled themselves."""
+        return Leg, (self.name, dict(self.values))
+
 
 @dataclass(frozen=True)
 class Servo:
@@ -141,7 +149,7 @@ class Servo:
     rate: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """A legged robot. Build one with ``hexakin.load_robot``.
 
@@ -225,6 +233,12 @@ class Robot:
         return np.array(
             [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
         )
+
+
+def check_robot(robot: object) -> None:
+    """Raise InvalidInputError unless ``robot`` is a Robot: a name or a path has to be loaded first."""
+    if not isinstance(robot, Robot):
+        raise InvalidInputError(f"robot: expected what hexakin.load_robot returns, got {robot!r:.80}")
 
 
 def _plain(value: Any) -> Any:

@@ -21,6 +21,8 @@ from hexakin.exceptions import RobotFileError, UnknownNameError
 from hexakin.robot import SEGMENT_NAMES, Body, DHRow, Leg, LegTable, Robot, Servo
 from hexakin.robot_schema import BodyFields, InertiaFields, RobotFields
 
+_SHORTEST, _LONGEST = 1e-6, 1e3  # [m]: of a segment; beyond, a unit has gone wrong
+
 _PACKAGE = Path(__file__).resolve().parent
 # A wheel carries data/ inside the package; a checkout has it beside the package.
 DATA = _PACKAGE / "data" if (_PACKAGE / "data").is_dir() else _PACKAGE.parent / "data"
@@ -32,6 +34,8 @@ def load_robot(name: str | os.PathLike[str]) -> Robot:
     Raises UnknownNameError for a name that does not exist and RobotFileError, which names the file, the
     field, its value and what was expected, for a file that does not describe a possible robot.
     """
+    if not isinstance(name, (str, os.PathLike)) or "\0" in str(name):
+        raise RobotFileError(f"expected a robot's name or the path of its file, got {name!r:.80}")
     path = Path(name)
     if path.suffix not in (".yaml", ".yml") and path.name == str(name):
         known = sorted(p.stem for p in (DATA / "robots").glob("*.yaml"))
@@ -43,9 +47,9 @@ def load_robot(name: str | os.PathLike[str]) -> Robot:
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"{path}: cannot be read ({error})") from error
     try:
-        tree = yaml.load(text, Loader=_UniqueKeyLoader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise RobotFileError(f"{path}: not valid YAML ({error})") from error
+        tree = yaml.load(text, Loader=_StrictLoader)
+    except _YAML_FAULTS as error:
+        raise RobotFileError(f"{path}: not valid YAML ({_short(error)})") from error
     if not isinstance(tree, dict):
         raise RobotFileError(f"{path}: expected a mapping of fields, got {type(tree).__name__}")
     sources: dict[str, str] = {}
@@ -62,12 +66,23 @@ class _FieldError(Exception):
     """A field's value is impossible; the message starts with the field's path."""
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """YAML keeps the last of two equal keys silently; a robot file must not."""
+# What PyYAML raises for malformed text, for impossible tags and for nesting beyond Python's stack.
+_YAML_FAULTS = (yaml.YAMLError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """YAML without what a robot file has no use for: fields given twice, keys that are no text, and aliases."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.composer.ComposerError(None, None, "aliases (*) are not allowed", self.peek_event().start_mark)
+        return super().compose_node(parent, index)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         seen: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(None, None, "a field's name must be text", key.start_mark)
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"field {key.value!r} is given twice", key.start_mark
@@ -76,7 +91,16 @@ class _UniqueKeyLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-_EXPONENT = re.compile(r"[+-]?\d+(\.\d*)?[eE][+-]?\d+")
+def _short(value: object) -> str:
+    """Text of a value, short enough for a message."""
+    try:
+        text = str(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits has no text
+        text = f"a huge {type(value).__name__}"
+    return text if len(text) <= 200 else text[:200] + " ..."
+
+
+_EXPONENT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[eE][+-]?\d+")
 _UNITS = {"_mm": 1e-3, "_deg": math.pi / 180.0}
 
 
@@ -110,14 +134,17 @@ def _scaled(value: Any, factor: float, path: str) -> Any:
     if isinstance(value, list):
         return [_scaled(item, factor, path) for item in value]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise _FieldError(f"{path}: expected a number, got {value!r}")
-    return value * factor
+        raise _FieldError(f"{path}: expected a number, got {_short(value)!r}")
+    try:
+        return float(value) * factor
+    except OverflowError as error:
+        raise _FieldError(f"{path}: number too large") from error
 
 
 def _describe(item: Any) -> str:
     location = ".".join(str(part + 1) if isinstance(part, int) else part for part in item["loc"])
     given = item["input"]
-    shown = "" if item["type"] == "missing" or isinstance(given, dict) else f", got {str(given)[:60]!r}"
+    shown = "" if item["type"] == "missing" or isinstance(given, dict) else f", got {_short(given)!r}"
     return f"{location or 'file'}: {item['msg'].removeprefix('Value error, ')}{shown}"
 
 
@@ -139,10 +166,21 @@ def _build(file: RobotFields, sources: dict[str, str]) -> Robot:
     names = [leg.name for leg in legs]
     if len(set(names)) != len(names):
         raise _FieldError(f"legs: names must differ, got {', '.join(names)}")
+    lengths = np.array([np.linalg.norm(table.fixed_poses(leg.values)[1:, :3, 3], axis=-1) for leg in legs])
+    if not np.isfinite(lengths).all() or lengths.max() > _LONGEST:
+        raise _FieldError(f"legs: a segment is {lengths.max():g} m long; are the units right?")
+    short = np.argwhere(lengths[:, 1:] < _SHORTEST)
+    if len(short):
+        leg, segment = short[0]
+        raise _FieldError(
+            f"legs.{leg + 1}: its {SEGMENT_NAMES[segment + 1]} has no length ({lengths[leg, segment + 1]:g} m)"
+        )
     segments = {}
     for index, name in enumerate(SEGMENT_NAMES):
         # Without a given centre of mass a limb is taken as uniform between its joints.
-        reach = float(np.linalg.norm(table.fixed_poses(legs[0].values)[index + 1, :3, 3]))
+        reach = float(lengths[0, index])
+        if np.ptp(lengths[:, index]) > 1e-9 and getattr(file.segments, name).center_of_mass is None:
+            raise _FieldError(f"segments.{name}.center_of_mass: needed, since the legs' lengths differ")
         segments[name] = _body(getattr(file.segments, name), f"segments.{name}", [reach / 2.0, 0.0, 0.0])
     foot_size = [2.0 * file.foot.radius] * 3
     foot = Body(file.foot.mass, np.zeros(3), _inertia(file.foot.inertia, "foot"), np.array(foot_size))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import platform
 from importlib import metadata
 from typing import Any
@@ -14,9 +15,9 @@ from hexakin.engines import Engine, Reading, engine_class
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
 from hexakin.kinematics import forward_kinematics, standing_height
 from hexakin.recording import Recording
-from hexakin.robot import Robot
+from hexakin.robot import Robot, check_robot
 from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_number, pose, rotation_between
+from hexakin.transforms import Array, check_number, check_whole, pose, rotation_between
 
 _START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
 
@@ -47,10 +48,17 @@ def simulate(
     Raises UnknownNameError for an unknown engine, InvalidInputError for a terrain or number that cannot
     be used, SimulationError when the state is no longer finite or the robot falls out of the scene.
     """
-    if not isinstance(terrain, Terrain):
-        raise UnknownNameError("terrain", terrain, ["hexakin.terrain.Plane(...)", "hexakin.terrain.Ramp(...)"])
-    if controller.robot is not robot and controller.robot.name != robot.name:
-        raise InvalidInputError(f"controller: made for robot {controller.robot.name!r}, asked to walk {robot.name!r}")
+    check_robot(robot)
+    if isinstance(terrain, type) or not isinstance(terrain, Terrain):
+        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "HeightField")]
+        raise UnknownNameError("terrain", terrain, known)
+    if not isinstance(getattr(controller, "robot", None), Robot):
+        raise InvalidInputError(
+            f"controller: expected one such as hexakin.PostureController(robot), got {controller!r:.80}"
+        )
+    if controller.robot is not robot and controller.robot.description() != robot.description():
+        raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")
+    check_whole("seed", seed)
     for name, value in {"duration": duration, "time_step": time_step, "control_rate": control_rate}.items():
         check_number(name, value, above=0.0)
     check_number("perturbation", perturbation, at_least=0.0, unit="rad")
@@ -63,6 +71,10 @@ def simulate(
     q_start = robot.standing_q + rng.uniform(-perturbation, perturbation, (robot.num_legs, 3))
     q_start = np.clip(q_start, robot.q_min, robot.q_max)
     make_engine = engine_class(engine)
+    known_options = list(inspect.signature(make_engine).parameters)[2:]
+    for name in engine_options:
+        if name not in known_options:
+            raise UnknownNameError(f"option of engine {engine!r}", name, known_options)
     options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
     with make_engine(robot, terrain, **options) as simulator:
         simulator.place(starting_pose(robot, terrain, q_start), q_start)
@@ -126,7 +138,10 @@ def _walk(
     rows: list[tuple[Reading, Command, float]] = []
     run = None
     for tick in range(num_ticks):
-        height = torso_height(terrain, reading.T_world_body)
+        try:
+            height = torso_height(terrain, reading.T_world_body)
+        except InvalidInputError as error:
+            raise SimulationError(f"t = {tick / control_rate:g} s: the robot has left the terrain ({error})") from error
         if not np.isfinite(height):
             raise SimulationError(
                 f"t = {tick / control_rate:g} s: no ground below the torso; the robot has turned over"

@@ -29,8 +29,12 @@ def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
     ``p_foot``. As a convex combination it cannot leave the hull of the loaded feet, and it leaves out any
     force on the torso, so that it means nothing while the torso drags.
     """
-    feet = np.asarray(p_foot, dtype=float)[..., :2]
+    feet = np.asarray(p_foot, dtype=float)
+    if feet.ndim < 2 or feet.shape[-1] not in (2, 3):
+        raise InvalidInputError(f"p_foot: expected shape (..., L, 2) or (..., L, 3), got {feet.shape}")
+    feet = check_array("p_foot", feet, feet.shape[-2:], ("leg", "coordinate"))[..., :2]
     force = check_array("foot_force", foot_force, (feet.shape[-2],), ("leg",))
+    force = np.broadcast_to(force, np.broadcast_shapes(force.shape, feet.shape[:-1]))
     if (force < 0.0).any():
         raise InvalidInputError(f"foot_force: {force.min():g} N, expected at least 0")
     total = force.sum(axis=-1)
@@ -61,7 +65,8 @@ def support_polygon(p: ArrayLike) -> Array | None:
         hull = ConvexHull(points)
     except QhullError:
         return None
-    return points[hull.vertices]
+    # In two dimensions "volume" is the area; a sliver of rounding is no polygon.
+    return points[hull.vertices] if hull.volume > 1e-9 * np.ptp(points, axis=0).max() ** 2 else None
 
 
 def centroid(polygon: ArrayLike) -> Array:
@@ -79,7 +84,11 @@ def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
     """
     if polygon is None:
         return float("nan")
-    return float(_margins(np.asarray(point, dtype=float)[None, :2], np.asarray(polygon, dtype=float))[0])
+    p = check_array("point", point, (2,), ("coordinate",))
+    corners = check_array("polygon", polygon, (2,), ("coordinate",))
+    if p.shape != (2,) or corners.ndim != 2 or len(corners) < 3:
+        raise InvalidInputError(f"point, polygon: expected shapes (2,) and (m, 2), got {p.shape} and {corners.shape}")
+    return float(_margins(p[None], corners)[0])
 
 
 def _margins(points: Array, polygon: Array) -> Array:
@@ -94,18 +103,21 @@ def _margins(points: Array, polygon: Array) -> Array:
 
 
 def static_margin(plan: WalkPlan) -> Array:
-    """Signed distance (n,) [m] of the body's origin, seen from above, to the edge of the stance feet; NaN if undefined.
+    """Signed distance (n,) [m] of the body's origin, seen from above, to the edge of the carrying feet.
 
-    For a slow walk, whose support must hold the body's weight at every instant.
+    For a slow walk, whose support must hold the body at every instant; the origin stands for the centre of mass.
+    At a phase change the feet before it and the feet after it must both hold: the smaller margin counts.
+    NaN where fewer than three feet carry, or feet in line.
     """
-    origin, result = plan.T_world_body[:, :2, 3], np.full(len(plan.time), np.nan)
-    feet = np.where(plan.stance[..., None], plan.p_world_foot[..., :2], np.inf)
-    # The polygon changes only where a foot lifts or lands.
+    origin, result = plan.T_world_body[:, :2, 3], np.full(len(plan.time), np.inf)
+    held = plan.stance[1:] & plan.stance[:-1]  # the feet that carry from one sample to the next
+    feet = np.where(held[..., None], plan.p_world_foot[1:, :, :2], np.inf)
     starts = np.flatnonzero(np.r_[True, (feet[1:] != feet[:-1]).any(axis=(1, 2))])
     for start, end in zip(starts, np.r_[starts[1:], len(feet)], strict=True):
-        polygon = support_polygon(plan.p_world_foot[start, plan.stance[start]])
-        if polygon is not None:
-            result[start:end] = _margins(origin[start:end], polygon)
+        polygon = support_polygon(plan.p_world_foot[start + 1, held[start]])
+        span = slice(start, end + 1)
+        margins = np.full(end + 1 - start, np.nan) if polygon is None else _margins(origin[span], polygon)
+        result[span] = np.minimum(result[span], margins)  # NaN wins
     return result
 
 

@@ -68,7 +68,8 @@ def adapted_cycloid(start: ArrayLike, end: ArrayLike, phase: ArrayLike, arch: Ar
     """Cycloid from ``start`` to ``end`` (..., 3) [m] in the vertical plane through both (B(22)-(23)).
 
     ``phase`` in [0, 1] is the share of the swing (B(22)'s angle is 2 pi times it); ``arch`` multiplies the
-    cycloid's height, 2 R for 1. Both broadcast against the leading axes; returns (..., 3) [m].
+    cycloid's height, which is 2 R and stands at right angles to the step. Both broadcast against the leading axes;
+    returns (..., 3) [m].
     """
     p0, step = np.asarray(start, dtype=float), step_geometry(start, end)
     angle = 2.0 * np.pi * np.asarray(phase, dtype=float)

@@ -18,9 +18,6 @@ from hexakin.exceptions import NoClosedFormError
 from hexakin.robot import LegTable, pi_multiple
 from hexakin.robot_file import DATA, load_robot
 
-BRANCH_SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-"""Signs (side of the first joint, knee) of the four branches of the inverse, in the order of every result."""
-
 
 @dataclass(frozen=True)
 class InverseExpressions:
@@ -117,8 +114,11 @@ class LegKinematics:
         two-link arm. Holds for legs whose second and third axes are parallel to each other and at a
         right angle to the first; raises NoClosedFormError for another table.
         """
-        x, y, z = sp.symbols("x y z", real=True)
-        side, knee = sp.symbols("side knee", real=True)
+        # A table may use these names for its own lengths.
+        taken = {*self.table.joints, *self.table.parameters}
+        x, y, z, side, knee = (
+            (sp.Dummy if name in taken else sp.Symbol)(name, real=True) for name in ("x", "y", "z", "side", "knee")
+        )
         _, q2, q3 = self.joints
         split = [entry for _, entry in self.table.motions].index(self.table.joints[0])
         base, rest = self._chain(self.table.motions[:split]), self._chain(self.table.motions[split + 1 :])[:3, 3]
@@ -145,10 +145,12 @@ class LegKinematics:
         up = mirror * (w - height.constant)
         square = (along**2 + up**2).subs(side**2, 1)
         # The half-angle form of the law of cosines keeps its accuracy for a stretched or folded leg.
-        outer, inner = (upper + lower) ** 2 - square, square - (upper - lower) ** 2
+        # Lengths of opposite sign swap its two bounds.
+        turn = sp.sign(upper * lower)
+        outer, inner = turn * ((upper + lower) ** 2 - square), turn * (square - (upper - lower) ** 2)
         angle_3 = 2 * knee * sp.atan2(sp.sqrt(sp.Max(outer, 0)), sp.sqrt(sp.Max(inner, 0)))
         angle_2 = sp.atan2(up, along) - sp.atan2(lower * sp.sin(angle_3), upper + lower * sp.cos(angle_3))
-        reach = (sp.Abs(upper - lower), upper + lower)
+        reach = (sp.Abs(sp.Abs(upper) - sp.Abs(lower)), sp.Abs(upper) + sp.Abs(lower))
         return InverseExpressions(
             x, y, z, side, knee, (angle_1, angle_2, angle_3), clearance, outer, inner, sp.sqrt(square), reach
         )  # fmt: skip
@@ -190,17 +192,17 @@ def _planar_terms(expression: sp.Expr, q2: sp.Symbol, q3: sp.Symbol) -> _PlanarT
 
 
 def generate(table: LegTable) -> str:
-    """NumPy source for a leg type: ``forward``, ``jacobian`` and ``inverse``, broadcasting over leading axes."""
+    """NumPy source for a leg type: ``forward``, ``jacobian`` and ``inverse``, broadcasting over leading axes.
+
+    Without a closed-form inverse ``inverse`` raises NoClosedFormError when it is called.
+    """
     leg = derive(table.canonical())
-    inverse = leg.inverse
     read = [f"{p} = p[..., {i}]" for i, p in enumerate(leg.parameters)]
     joints = [f"{q} = q[..., {i}]" for i, q in enumerate(leg.joints)]
-    foot = [f"{s} = foot[..., {i}]" for i, s in enumerate((inverse.x, inverse.y, inverse.z))]
     forward = _body([*leg.foot], "numpy.stack(numpy.broadcast_arrays({}, {}, {}), axis=-1)")
     rows = ", ".join(["numpy.stack(numpy.broadcast_arrays({}, {}, {}), axis=-1)"] * 3)
     jacobian = _body([*leg.jacobian], f"numpy.stack(numpy.broadcast_arrays({rows}), axis=-2)")
-    results = [*inverse.q, inverse.clearance, inverse.outer, inverse.inner, inverse.distance, *inverse.reach]
-    solve = _body(results, "({}, {}, {}), {}, {}, {}, {}, ({}, {})")
+    solve = _inverse_body(leg, read)
     parts = [
         f'"""Kinematics of the leg type {table.type_key!r}.',
         "",
@@ -227,10 +229,20 @@ def generate(table: LegTable) -> str:
             "inverse",
             "p, foot, side, knee",
             "Return angles, clearance, outer, inner, distance and reach of a branch.",
-            [*read, *foot, *solve],
+            solve,
         ),
     ]
     return "\n".join(parts).rstrip() + "\n"
+
+
+def _inverse_body(leg: LegKinematics, read: list[str]) -> list[str]:
+    try:
+        inverse = leg.inverse
+    except NoClosedFormError as error:
+        return ["from hexakin.exceptions import NoClosedFormError", "", f"raise NoClosedFormError({str(error)!r})"]
+    foot = [f"{s} = foot[..., {i}]" for i, s in enumerate((inverse.x, inverse.y, inverse.z))]
+    results = [*inverse.q, inverse.clearance, inverse.outer, inverse.inner, inverse.distance, *inverse.reach]
+    return [*read, *foot, *_body(results, "({}, {}, {}), {}, {}, {}, {}, ({}, {})")]
 
 
 class _Printer(NumPyPrinter):

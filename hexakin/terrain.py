@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.transforms import Array, check_number
+from hexakin.exceptions import InvalidInputError
+from hexakin.transforms import Array, check_array, check_number
 
 if TYPE_CHECKING:
     from hexakin.height_field import HeightField
@@ -49,6 +50,16 @@ class Terrain(Protocol):
         """Shapes whose union is the ground, for an engine."""
 
 
+def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Coerce coordinates [m] to finite arrays of one shape; else raise InvalidInputError."""
+    px, py = check_array("x", x, ()), check_array("y", y, ())
+    try:
+        px, py = np.broadcast_arrays(px, py)
+    except ValueError as error:
+        raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not go together") from error
+    return px, py
+
+
 class _Planes:
     """A terrain that is the union of half spaces, so that its height is the largest of its planes'."""
 
@@ -61,8 +72,8 @@ class _Planes:
 
     def _heights(self, x: ArrayLike, y: ArrayLike) -> Array:
         point, normal = self._planes()
-        dx = np.asarray(x, dtype=float)[..., None] - point[:, 0]
-        dy = np.asarray(y, dtype=float)[..., None] - point[:, 1]
+        px, py = check_points(x, y)
+        dx, dy = px[..., None] - point[:, 0], py[..., None] - point[:, 1]
         return point[:, 2] - (normal[:, 0] * dx + normal[:, 1] * dy) / normal[:, 2]
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -79,7 +90,7 @@ class _Planes:
         gap = np.einsum("...pi,pi->...p", np.asarray(origin, dtype=float)[..., None, :] - point, normal)
         speed = -np.einsum("...i,pi->...p", np.asarray(direction, dtype=float), normal)
         with np.errstate(divide="ignore", invalid="ignore"):
-            distance = np.where(speed > 0.0, gap / speed, np.where(gap > 0.0, np.inf, -np.inf))
+            distance = np.where(speed > 0.0, gap / speed, np.where(gap >= 0.0, np.inf, -np.inf))
         return distance.min(axis=-1)
 
 

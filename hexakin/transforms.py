@@ -16,6 +16,8 @@ def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: 
     ``labels`` name these axes in the message, such as ``("leg", "joint")``; numbers in messages
     count from 1. Raises InvalidInputError naming the argument and the first bad element.
     """
+    if np.iscomplexobj(value):
+        raise InvalidInputError(f"{name}: expected real numbers, got complex ones")
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -58,6 +60,13 @@ def check_number(
         wanted = " and ".join(bounds) or "finite"
         raise InvalidInputError(f"{name}: {number:g}{' ' + unit if unit else ''}, expected {wanted}")
     return number
+
+
+def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
+    """Return ``value`` as an int if it is a whole number of at least ``at_least``; else raise InvalidInputError."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < at_least:
+        raise InvalidInputError(f"{name}: {value!r}, expected a whole number of at least {at_least}")
+    return int(value)
 
 
 def read_only(value: ArrayLike) -> Array:

@@ -23,13 +23,14 @@ from hexakin.kinematics import (
     standing_height,
 )
 from hexakin.leg_curves import LegCurves
-from hexakin.robot import Robot
+from hexakin.robot import Robot, check_robot
 from hexakin.swing import adapted_cycloid
 from hexakin.terrain import Terrain
 from hexakin.transforms import (
     Array,
     check_array,
     check_number,
+    check_whole,
     inverse_pose,
     rotation_between,
     rpy_rotation,
@@ -107,6 +108,7 @@ def plan_walk(
     amplitude: float = 0.01,
     period: float = 0.5,
     height_reference: Literal["footholds", "start"] = "footholds",
+    height_along: Literal["vertical", "normal"] = "vertical",
     body_orientation: Literal["level", "parallel"] | ArrayLike = "level",
     start: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
@@ -124,7 +126,7 @@ def plan_walk(
     robot, terrain:
         Any robot that the gait fits; any terrain with heights and normals, or the curves of paper B.
     num_steps, step_length, samples_per_step:
-        Steps of ``step_length`` [m] along the walk; samples in each.
+        Steps of ``step_length`` [m] along the walk; samples in each, at least two for a swing.
     heading:
         Direction of walking [rad] against the body's forward axis; the body does not turn.
     body_height:
@@ -132,12 +134,16 @@ def plan_walk(
     body_motion, amplitude, period:
         ``"fixed"``, or ``"sinusoidal"`` with this amplitude [m] and period [steps].
     height_reference:
-        Body height counts from the mean of the six ``"footholds"``, or from their mean at the ``"start"``.
+        Body height counts from the mean of the legs' ``"footholds"``, or from their mean at the ``"start"``.
+    height_along:
+        A body that is ``"parallel"`` has its height ``"vertical"`` over the mean of the footholds, as B(24)-(25) have
+        it, or along its own ``"normal"``, which keeps the legs as they stand but moves the body downhill.
     body_orientation:
         ``"level"``, ``"parallel"`` to the plane that fits the footholds best, or roll, pitch and yaw (3,) or
-        (n, 3) [rad] for the n = num_steps * samples_per_step + 1 samples.
+        (n, 3) [rad] about the body's x, y and z axes, for the n = num_steps * samples_per_step + 1 samples.
     start, yaw:
-        Where the body starts [m] and how it is turned about the vertical [rad].
+        The place [m] around which the standing footholds lie and how the body is turned about the vertical [rad]. The
+        body itself starts over the mean of the first footholds, up to a quarter step ahead by ``start_offsets``.
     start_offsets:
         ``"stable"``: legs that swing later start ahead, so that all strokes are centred. ``"B15"`` and ``"B16"``: as
         the paper prints them, legs 2, 4, 6 behind by half a step, or leg 2 ahead and 4, 6 behind (B-E2).
@@ -155,16 +161,17 @@ def plan_walk(
 
     Raises UnreachableError, JointLimitError, ClearanceError, InvalidInputError or UnknownNameError.
     """
-    _check(locals())
-    gait = tripod(robot) if gait is None else gait
-    if gait.num_legs != robot.num_legs:
-        raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
+    arguments = dict(locals())
+    gait = _check(arguments)
     course = Course(robot, terrain, gait, step_length, heading, start, yaw, start_offsets, first_group)
 
     num_samples = num_steps * samples_per_step + 1
-    progress = np.arange(num_samples) / samples_per_step  # in steps
-    step = np.minimum(progress.astype(int), num_steps - 1)
-    phase = np.clip((progress - step)[:, None] * gait.phases_per_cycle - course.order, 0.0, 1.0)  # of each leg's swing
+    sample = np.arange(num_samples)
+    progress = sample / samples_per_step  # in steps
+    step = np.minimum(sample // samples_per_step, num_steps - 1)
+    # Of each leg's swing; whole numbers until the end, so that swings begin and end exactly.
+    done = (sample - step * samples_per_step)[:, None] * gait.phases_per_cycle - course.order * samples_per_step
+    phase = np.clip(done, 0, samples_per_step) / samples_per_step
 
     ground = course.ground(np.arange(num_steps + 1))
     centers = ground + robot.foot_radius * course.normal(ground)
@@ -177,7 +184,9 @@ def plan_walk(
 
     height = standing_height(robot) if body_height is None else body_height
     sway = amplitude * np.sin(2.0 * np.pi * progress / period) if body_motion == "sinusoidal" else np.zeros(num_samples)
-    T_world_body = _body_poses(course, ground, progress, step, height + sway, height_reference, body_orientation, yaw)
+    T_world_body = _body_poses(
+        course, ground, progress, step, height + sway, height_reference, height_along, body_orientation, yaw
+    )
 
     solution = path_inverse_kinematics(robot, transform_points(inverse_pose(T_world_body), p_world_foot))
     time = step_duration * progress
@@ -195,45 +204,41 @@ def plan_walk(
         ground_height=course.ground_under(p_world_foot, centers, step),
         arch=arches,
         foot_radius=robot.foot_radius,
-        parameters={
-            "robot": robot.name,
-            "terrain": repr(terrain),
-            "num_steps": num_steps,
-            "step_length": step_length,
-            "heading": heading,
-            "body_height": height,
-            "body_motion": body_motion,
-            "start_offsets": start_offsets,
-            "arch": arch,
-        },
+        parameters=arguments
+        | {"robot": robot.name, "terrain": repr(terrain), "body_height": height, "gait": gait.name},
     )
 
 
 def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
-    """Measure what a plan promises: see ``WalkReport``."""
+    """Measure what a plan promises: see ``WalkReport``. Measures of angles are NaN where no instant is reachable."""
     held = plan.stance[1:] & plan.stance[:-1]
     moved = np.linalg.norm(np.diff(plan.p_world_foot, axis=0), axis=-1)
-    # A foot may stand in two samples with a whole swing between them only if there are no samples within it.
     swung = np.where(plan.stance, np.inf, plan.clearance)
     at, leg = np.unravel_index(int(np.argmin(swung)), swung.shape)
     body_foot = transform_points(inverse_pose(plan.T_world_body), plan.p_world_foot)
     usable = np.where(plan.reachable[..., None], plan.q, 0.0)
     gap = np.linalg.norm(forward_kinematics(robot, usable) - body_foot, axis=-1)[plan.reachable]
     margin = np.minimum(plan.q - robot.q_min, robot.q_max - plan.q)[plan.reachable]
+    turned = np.abs(np.diff(plan.q, axis=0))
+    turned = turned[np.isfinite(turned)]
     per_step = (len(plan.time) - 1) // plan.parameters["num_steps"]
     mean_step = np.diff(plan.footholds.mean(axis=1)[:, :2], axis=0)
     advance = np.diff(plan.T_world_body[::per_step, :2, 3], axis=0)
     return WalkReport(
         stance_drift=float(moved[held].max(initial=0.0)),
         largest_foot_step=float(moved.max()),
-        largest_joint_step=float(np.nanmax(np.abs(np.diff(plan.q, axis=0)))),
+        largest_joint_step=_largest(turned),
         lowest_clearance=float(swung[at, leg]),
         clearance_leg=int(leg) + 1,
         clearance_time=float(plan.time[at]),
-        limit_margin=float(margin.min()),
-        closure=float(gap.max()),
+        limit_margin=-_largest(-margin),
+        closure=_largest(gap),
         advance_error=float(np.abs(advance - mean_step).max()),
     )
+
+
+def _largest(values: Array) -> float:
+    return float(values.max()) if values.size else float("nan")
 
 
 def _body_poses(
@@ -243,13 +248,15 @@ def _body_poses(
     step: Array,
     height: Array,
     height_reference: str,
+    height_along: str,
     orientation: str | ArrayLike,
     yaw: float,
 ) -> Array:
-    """Body poses (n, 4, 4), B(24)-(25): over the mean of the footholds, from one step's mean to the next."""
+    """Body poses (n, 4, 4), B(24)-(25): over the footholds' mean, which moves from step to step, at ``height``."""
     part = (progress - step)[:, None]
     middle = ground.mean(axis=1)
     center = (1.0 - part) * middle[step] + part * middle[step + 1]
+    center[:, :2] += course.body_offset
     if height_reference == "start":
         center[:, 2] = middle[0, 2]
     turn = rpy_rotation([0.0, 0.0, yaw])
@@ -265,7 +272,12 @@ def _body_poses(
         rotation = np.broadcast_to(turn @ rpy_rotation(orientation), (len(center), 3, 3))
     T = np.zeros((len(center), 4, 4))
     T[:, :3, :3] = rotation
-    T[:, :3, 3] = center + height[:, None] * up
+    if height_along == "vertical":
+        # B(24)-(25) fix x and y whatever the orientation.
+        T[:, :3, 3] = center
+        T[:, 2, 3] += height / up[:, 2]
+    else:
+        T[:, :3, 3] = center + height[:, None] * up
     T[:, 3, 3] = 1.0
     return T
 
@@ -295,14 +307,25 @@ def _refuse(robot: Robot, solution: InverseSolution, time: Array) -> None:
         raise JointLimitError(leg + 1, robot.table.joints[joint], float(q[joint]), limits, float(time[at]))
 
 
-def _check(arguments: dict[str, Any]) -> None:
+def _check(arguments: dict[str, Any]) -> Gait:
+    """Raise for an argument that cannot be used; return the gait."""
     a = arguments
-    if not isinstance(a["terrain"], (Terrain, LegCurves)):
+    robot = a["robot"]
+    check_robot(robot)
+    if isinstance(a["terrain"], type) or not isinstance(a["terrain"], (Terrain, LegCurves)):
         known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "HeightField", "LegCurves")]
         raise UnknownNameError("terrain", a["terrain"], known)
-    for name, least in (("num_steps", 1), ("samples_per_step", 2)):
-        if not isinstance(a[name], (int, np.integer)) or a[name] < least:
-            raise InvalidInputError(f"{name}: {a[name]!r}, expected a whole number of at least {least}")
+    if isinstance(a["terrain"], LegCurves) and a["terrain"].num_legs != robot.num_legs:
+        raise InvalidInputError(f"terrain: curves for {a['terrain'].num_legs} legs, {robot.name} has {robot.num_legs}")
+    if a["gait"] is not None and not isinstance(a["gait"], Gait):
+        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait, got {a['gait']!r:.80}")
+    gait: Gait = tripod(robot) if a["gait"] is None else a["gait"]
+    if gait.num_legs != robot.num_legs:
+        raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
+    check_whole("num_steps", a["num_steps"], at_least=1)
+    check_whole("samples_per_step", a["samples_per_step"], at_least=2 * gait.phases_per_cycle)
+    if check_whole("first_group", a["first_group"]) >= gait.phases_per_cycle:
+        raise InvalidInputError(f"first_group: {a['first_group']}, but {gait.name} has {gait.phases_per_cycle} groups")
     check_number("step_length", a["step_length"], at_least=0.0, unit="m")
     for name in ("heading", "yaw", "amplitude"):
         check_number(name, a[name])
@@ -310,17 +333,18 @@ def _check(arguments: dict[str, Any]) -> None:
         check_number(name, a[name], above=0.0)
     if a["body_height"] is not None:
         check_number("body_height", a["body_height"], above=0.0, unit="m")
-    if a["arch"] != "clear":
+    if not isinstance(a["arch"], str) or a["arch"] != "clear":
         check_number("arch", a["arch"], above=0.0)
     check_array("start", a["start"], (2,), ("coordinate",))
     choices: dict[str, tuple[str, ...]] = {
         "body_motion": BODY_MOTIONS,
         "height_reference": HEIGHT_REFERENCES,
+        "height_along": ("vertical", "normal"),
         "start_offsets": START_OFFSETS,
         "on_failure": ("raise", "mark"),
     }
     for name, choice in choices.items():
-        if a[name] not in choice:
+        if not isinstance(a[name], str) or a[name] not in choice:
             raise UnknownNameError(name, a[name], list(choice))
     if isinstance(a["body_orientation"], str):
         if a["body_orientation"] not in ORIENTATIONS:
@@ -330,3 +354,4 @@ def _check(arguments: dict[str, Any]) -> None:
         rpy = check_array("body_orientation", a["body_orientation"], (3,), ("angle",))
         if rpy.shape not in ((3,), (n, 3)):
             raise InvalidInputError(f"body_orientation: expected shape (3,) or ({n}, 3), got {rpy.shape}")
+    return gait

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.kinematics import standing_branch, standing_height, within_limits
+from hexakin.exceptions import InvalidInputError, NoClosedFormError, UnknownNameError, UnreachableError
+from hexakin.kinematics import path_inverse_kinematics, standing_branch, standing_height, within_limits
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +153,55 @@ def test_a_leg_type_that_is_not_shipped_is_derived_when_used(tmp_path, athena, r
         np.broadcast_to([0, 0, 0.01], foot.shape), abs=1e-15
     )
     assert np.abs(hk.inverse_kinematics(raised, foot, near=q).q - q).max() < 1e-9
+
+
+def test_each_leg_has_the_branch_of_its_own_standing_pose(edited):
+    """One leg stands with its knee the other way."""
+
+    def change(tree):
+        tree["legs"][3]["standing"] = {"theta_3": -1.4, "theta_4": 1.4}
+
+    mixed = edited("athena", change)
+    assert len(set(standing_branch(mixed))) == 2
+    assert hk.inverse_kinematics(mixed, hk.forward_kinematics(mixed, mixed.standing_q)).q == pytest.approx(
+        mixed.standing_q
+    )
+
+
+def test_links_of_opposite_sign_are_solved(edited, rng):
+    flipped = edited("athena", lambda tree: tree["leg_table"]["parameters"].update(l_3_mm=-80))
+    q = rng.uniform(flipped.q_min, flipped.q_max, (500, 6, 3))
+    foot = hk.forward_kinematics(flipped, q)
+    solution = hk.inverse_kinematics(flipped, foot, near=q)
+    assert solution.reachable.all() and (solution.reach[..., 0] < solution.reach[..., 1]).all()
+    assert np.abs(hk.forward_kinematics(flipped, solution.q) - foot).max() < 1e-12
+
+
+def test_a_leg_without_a_closed_form_still_has_its_forward_kinematics(edited):
+    spatial = edited("athena", lambda tree: tree["leg_table"]["rows"][2].update(alpha="pi/2"))
+    foot = hk.forward_kinematics(spatial, spatial.standing_q)
+    assert np.isfinite(foot).all() and np.isfinite(hk.jacobian(spatial, spatial.standing_q)).all()
+    with pytest.raises(NoClosedFormError, match="no closed-form inverse"):
+        hk.inverse_kinematics(spatial, foot)
+
+
+def test_a_path_prefers_the_branch_that_reaches_all_of_it(athena):
+    """One sample in a thousand is out of reach of the branches that face the foot."""
+    path = np.tile(hk.forward_kinematics(athena, athena.standing_q), (1000, 1, 1))
+    path[:, 0] = [0.124, 0.0, 0.02]
+    path[500, 0] = [0.124, 0.0, 0.001]
+    assert path_inverse_kinematics(athena, path).reachable.all()
+
+
+def test_a_name_is_no_robot_and_a_hint_must_fit(athena):
+    for call in (hk.forward_kinematics, hk.jacobian, hk.inverse_kinematics):
+        with pytest.raises(InvalidInputError, match=r"robot: expected what hexakin\.load_robot returns, got 'athena'"):
+            call("athena", athena.standing_q)
+    feet = np.zeros((2, 6, 3))
+    with pytest.raises(InvalidInputError, match="near: shape"):
+        hk.inverse_kinematics(athena, feet, near=np.zeros((5, 6, 3)))
+    one = hk.forward_kinematics(athena, athena.standing_q)
+    hints = np.stack([athena.standing_q] * 4)
+    assert hk.inverse_kinematics(athena, one, near=hints).q.shape == (4, 6, 3)
+    with pytest.raises(InvalidInputError, match="complex"):
+        hk.forward_kinematics(athena, athena.standing_q + 1j)

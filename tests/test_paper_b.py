@@ -45,7 +45,7 @@ def test_the_foot_is_the_papers_closed_form(leg):
 def test_every_branch_returns_random_targets_in_reach(hwr, rng):
     direction = rng.normal(size=(10_000, 6, 3))
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    second_joint = hwr.parameters[:, :3] * [1, 1, 1]
+    second_joint = hwr.parameters[:, :3]  # x_0, y_0, r_1
     p = second_joint + direction * rng.uniform(0.001, 0.1999, (10_000, 6, 1))
     solution = hk.inverse_kinematics(hwr, p, branch="all")
     assert solution.reachable.all(), "without an offset all four branches reach the whole ball"
@@ -135,14 +135,14 @@ def test_a_cycloid_joins_its_footholds_and_rises_by_its_diameter():
 def test_leg_curves_are_b16_and_scale_each_leg():
     k = np.array([[1, 1, 1, 1, 1, 2.0], [1, 0, 1, 1, 1, 1], [0, 1, 2, 1, 1, 1]])
     curves = hk.terrain.LegCurves(lambda s: s**2, lambda s, y: 3 * s + y, k=k)
-    move = curves.displacement(0.1)
+    move = curves.displacement([0.1])
     assert move[:, 0] == pytest.approx(0.1 * k[0])
     assert move[:, 1] == pytest.approx(0.01 * k[1])
     assert move[:, 2] == pytest.approx(0.31 * k[2])
     with pytest.raises(hk.exceptions.InvalidInputError, match="k: expected shape"):
         hk.terrain.LegCurves(k=np.ones((2, 6)))
     with pytest.raises(hk.exceptions.InvalidInputError, match="not finite"), np.errstate(divide="ignore"):
-        hk.terrain.LegCurves(lambda s: 1 / s).displacement(np.array([0.0, 1.0]))
+        hk.terrain.LegCurves(lambda s: 1 / s).displacement(np.array([[0.0], [1.0]]))
 
 
 def test_a_point_foot_is_refused_by_a_simulation(hwr):

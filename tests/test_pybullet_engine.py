@@ -100,3 +100,64 @@ def test_an_unknown_engine_is_named():
 def test_impossible_options_are_named(athena, option):
     with pytest.raises(InvalidInputError, match=next(iter(option))):
         PyBulletEngine(athena, hk.terrain.Plane(), **option)
+
+
+def test_the_imu_turns_with_the_body_and_velocities_are_of_its_origin(edited):
+    """A spun, lopsided robot in free fall: rates in the body frame, velocity of the origin."""
+    import pybullet
+
+    robot = edited("athena", lambda tree: tree["torso"].update(center_of_mass_mm=[5, -10, 20]))
+    R = hk.transforms.rpy_rotation([0.4, -0.3, 1.1])
+    omega_world = np.array([0.3, -0.8, 0.5])
+    with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-5) as engine:
+        engine.place(pose(R, [0.0, 0.0, 3.0]), robot.standing_q)
+        pybullet.resetBaseVelocity(engine._body, [0.0] * 3, omega_world.tolist(), physicsClientId=engine._client)
+        reading = engine.advance(robot.standing_q, 1)
+    # In one step of 10 us the rate changes by less than 1e-3 of itself through gyroscopic and servo torques.
+    assert reading.body_angular_velocity == pytest.approx(R.T @ omega_world, abs=5e-3)
+    expected = -np.cross(reading.T_world_body[:3, :3] @ reading.body_angular_velocity, R @ robot.torso.center_of_mass)
+    assert reading.body_velocity == pytest.approx(expected, abs=2e-3)
+
+
+def drop(athena, q, height, steps=1000, **options):
+    with PyBulletEngine(athena, hk.terrain.Plane(), **options) as engine:
+        engine.place(pose(np.eye(3), [0, 0, height]), q)
+        return [engine.advance(q, 10) for _ in range(steps // 10)]
+
+
+def test_a_robot_on_its_torso_is_told_from_one_on_its_limbs(athena):
+    raised = athena.standing_q.copy()
+    raised[:, 1], raised[:, 2] = 1.2, -0.3
+    on_torso = drop(athena, raised, 0.03)[-1]
+    assert on_torso.torso_force == pytest.approx(athena.mass * GRAVITY, rel=0.05)
+    assert on_torso.limb_force == on_torso.foot_force.sum() == 0.0
+    kneeling = athena.standing_q.copy()
+    kneeling[:, 1], kneeling[:, 2] = -1.2, 1.4
+    on_knees = drop(athena, kneeling, 0.12)[-1]
+    assert on_knees.limb_force > 5.0 and on_knees.torso_force == 0.0
+
+
+def test_restitution_sends_a_dropped_robot_up_again_and_the_contact_is_seen(athena):
+    """Dropped flat on its torso by 200 mm; legs and servos take much of the rebound, without restitution all of it."""
+    raised, speeds = athena.standing_q.copy(), {}
+    raised[:, 1], raised[:, 2] = 1.2, -0.3
+    for restitution in (0.0, 0.5):
+        readings = drop(athena, raised, 0.228, steps=400, restitution=restitution)
+        speeds[restitution] = max(reading.body_velocity[2] for reading in readings)
+        assert max(reading.penetration for reading in readings) > 0.0
+    assert speeds[0.0] < 0.05 < 0.25 < speeds[0.5] < 1.0
+
+
+def test_a_failed_start_leaves_no_simulator_behind(athena):
+    import pybullet
+
+    before = pybullet.connect(pybullet.DIRECT)
+    pybullet.disconnect(before)
+    for _ in range(3):
+        with pytest.raises(InvalidInputError, match="solver_iterations"):
+            PyBulletEngine(athena, hk.terrain.Plane(), solver_iterations=-5)
+        with pytest.raises(InvalidInputError, match=r"foot\.radius"):
+            PyBulletEngine(hk.load_robot("hwr"), hk.terrain.Plane())
+    after = pybullet.connect(pybullet.DIRECT)
+    pybullet.disconnect(after)
+    assert after == before

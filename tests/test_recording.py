@@ -39,12 +39,46 @@ def test_a_truncated_recording_is_a_named_error(saved, kept):
         hk.load_recording(saved)
 
 
-def test_a_damaged_recording_is_a_named_error(saved):
-    content = bytearray(saved.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    saved.write_bytes(bytes(content))
-    with pytest.raises(RecordingError, match=r"walk\.npz"):
+def test_damage_anywhere_is_a_named_error_or_harmless(saved, rng):
+    whole = saved.read_bytes()
+    errors = 0
+    for _ in range(300):
+        content = bytearray(whole)
+        for at in rng.integers(len(content), size=int(rng.integers(1, 4))):
+            content[at] ^= int(rng.integers(1, 256))
+        saved.write_bytes(bytes(content[: rng.integers(len(content) // 2, len(content) + 1)]))
+        try:
+            hk.load_recording(saved)
+        except RecordingError as error:
+            assert "walk.npz" in str(error)
+            errors += 1
+    assert errors > 250
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"q": np.zeros((20, 5))}, "not those of a recording"),
+        ({"height": np.array(["high"] * 120)}, "height has shape"),
+        ({"foot_force": np.zeros((120, 4))}, r"foot_force has shape \(120, 4\)"),
+        ({"time": np.zeros(0)}, "not those of a recording"),
+        ({"parameters": "[]"}, "its parameters lack"),
+        ({"parameters": "{}"}, "its parameters lack"),
+    ],
+)
+def test_a_recording_with_other_contents_is_a_named_error(saved, change, message):
+    with np.load(saved) as archive:
+        contents = dict(archive)
+    np.savez(saved, **contents | change)
+    with pytest.raises(RecordingError, match=message):
         hk.load_recording(saved)
+
+
+def test_numpy_numbers_among_the_parameters_are_stored(athena, tmp_path):
+    controller = hk.PostureController(athena, k_z=np.float32(0.5), seed=np.int64(2))
+    recording = hk.simulate(athena, hk.terrain.Plane(), controller, duration=0.1, time_step=0.005, seed=np.int64(1))
+    recording.save(tmp_path / "numpy.npz")
+    assert hk.load_recording(tmp_path / "numpy.npz").parameters["controller"]["k_z"] == 0.5
 
 
 def test_other_archives_and_missing_files_are_named_errors(tmp_path):

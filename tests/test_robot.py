@@ -1,5 +1,6 @@
 """Robot descriptions: ATHENA's values, and bad files that are named errors."""
 
+import copy
 import pickle
 
 import numpy as np
@@ -116,6 +117,16 @@ BAD = {
         lambda t: t["leg_table"].update(convention="screw"),
         "convention: .*'classical' or 'modified'",
     ),
+    "no length": (lambda t: t["leg_table"]["parameters"].update(l_4_mm=0), "legs.1: its tibia has no length"),
+    "metres for millimetres": (lambda t: t["leg_table"]["parameters"].update(l_4_mm=84e6), "are the units right"),
+    "huge number": (lambda t: t["torso"].update(size_mm=[1, 1, 10**400]), "torso.size_mm: number too large"),
+    "legs that differ": (
+        lambda t: (
+            (t["leg_table"]["parameters"].pop("l_2_mm"), t["segments"]["coxa"].pop("center_of_mass_mm"))
+            and [leg["parameters"].update(l_2_mm=60 + i) for i, leg in enumerate(t["legs"])]
+        ),
+        "segments.coxa.center_of_mass: needed, since the legs' lengths differ",
+    ),
     "two units": (lambda t: t["foot"].update(radius=0.02), "foot.radius: given twice"),
 }
 
@@ -128,7 +139,23 @@ def test_a_bad_file_is_an_error_that_names_file_and_field(tmp_path, change, mess
     assert "mine.yaml" in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "name: [", "a: 1\na: 2\n", "\x00"])
+FAULTY = {
+    "empty": "",
+    "a list": "- 1\n- 2\n",
+    "unfinished": "name: [",
+    "a field twice": "a: 1\na: 2\n",
+    "a NUL": "\x00",
+    "a list as a key": "? [a, b]\n: 1\n",
+    "an endless alias": "a: &x [*x]\n",
+    "aliases that explode": "a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]\n",
+    "an impossible tag": "a: !!bool abc\n",
+    "an impossible time": "a: !!timestamp abc\n",
+    "nesting without end": "[" * 5000,
+    "a number of 5000 digits": f"num_legs: 0x{'f' * 5000}\n",
+}
+
+
+@pytest.mark.parametrize("text", FAULTY.values(), ids=FAULTY.keys())
 def test_a_file_that_is_no_mapping_is_a_named_error(tmp_path, text):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
@@ -153,9 +180,11 @@ def test_a_robot_cannot_be_changed_and_can_be_pickled(athena):
         athena.joint_limits[0, 0, 0] = 1.0
     with pytest.raises(TypeError):
         athena.segments["coxa"] = athena.torso
-    copy = pickle.loads(pickle.dumps(athena))
-    assert copy.mass == athena.mass
-    assert np.array_equal(copy.parameters, athena.parameters)
+    with pytest.raises(TypeError):
+        athena.legs[0].values["l_1"] = 9.0
+    twin = pickle.loads(pickle.dumps(athena))
+    assert twin.mass == athena.mass
+    assert np.array_equal(twin.parameters, athena.parameters)
 
 
 @pytest.mark.parametrize("text, value", [("pi", 1), ("-pi/2", -0.5), ("3*pi/4", 0.75), ("2pi", 2), (0, 0)])
@@ -166,3 +195,58 @@ def test_multiples_of_pi_are_exact(text, value):
 @pytest.mark.parametrize("text", ["l_1", "pi/0", "pip", "1.5", ""])
 def test_other_text_is_no_multiple_of_pi(text):
     assert pi_multiple(text) is None
+
+
+@pytest.mark.parametrize("name", [None, 3, b"athena", "a\0.yaml"])
+def test_what_is_no_name_and_no_path_is_a_named_error(name):
+    with pytest.raises(RobotFileError, match="expected a robot's name or the path"):
+        hk.load_robot(name)
+
+
+def test_mutated_files_load_or_give_a_named_error(tmp_path, rng):
+    """Random damage to every kind of field: dropped, retyped, negative, huge, NaN, nested."""
+    junk = [
+        None,
+        -1,
+        0,
+        1e300,
+        float("nan"),
+        float("inf"),
+        "x",
+        "pi/3",
+        [],
+        {},
+        [1, 2],
+        True,
+        10**30,
+        {"value": 3},
+        [[1]],
+    ]
+    path, loaded = tmp_path / "mutated.yaml", 0
+
+    def places(node, found):
+        items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else []
+        for key, child in items:
+            found.append((node, key))
+            places(child, found)
+        return found
+
+    original = yaml.safe_load(ATHENA.read_text())
+    for _ in range(150):
+        tree = copy.deepcopy(original)
+        for _ in range(int(rng.integers(1, 3))):
+            spots = places(tree, [])
+            node, key = spots[rng.integers(len(spots))]
+            if isinstance(node, dict) and rng.random() < 0.3:
+                del node[key]
+            else:
+                node[key] = copy.deepcopy(junk[rng.integers(len(junk))])
+        path.write_text(yaml.safe_dump(tree))
+        try:
+            robot = hk.load_robot(path)
+        except RobotFileError as error:
+            assert "mutated.yaml" in str(error) and len(str(error)) < 3000
+        else:
+            loaded += 1
+            assert robot.mass > 0 and np.isfinite(robot.parameters).all()
+    assert 0 < loaded < 150

@@ -94,3 +94,17 @@ def test_the_polygon_of_commanded_stance_feet_can_lose_the_zmp(short_walk):
 
 def test_public_names(short_walk):
     assert hk.stability.zmp(short_walk).xy.shape == (120, 2)
+
+
+def test_feet_almost_in_line_have_no_polygon_and_bad_points_are_named():
+    assert support_polygon([[0, 0], [1, 1e-14], [2, 0]]) is None
+    for point in ([np.nan, 0.0], [1.0], [[0.0, 0.0], [1.0, 1.0]]):
+        with pytest.raises(InvalidInputError, match="point"):
+            margin(point, SQUARE)
+    with pytest.raises(InvalidInputError, match="p_foot: leg 1, coordinate 1 is nan"):
+        zero_moment_point(np.full((4, 2), np.nan), np.ones(4))
+
+
+def test_one_set_of_forces_serves_many_feet():
+    result = zero_moment_point(np.stack([SQUARE] * 5), [1, 1, 1, 1])
+    assert result.xy.shape == (5, 2) and result.defined.shape == (5,)

@@ -75,7 +75,7 @@ def test_the_inverse_solves_the_forward_equations_symbolically(leg):
     inverse = leg.inverse
     values = {symbol: sp.Rational(30 + 7 * k, 100) for k, symbol in enumerate(leg.parameters)}
     target = {inverse.x: sp.Rational(7, 10), inverse.y: sp.Rational(3, 10), inverse.z: sp.Rational(-2, 10)}
-    for side, knee in hk.symbolic.BRANCH_SIGNS:
+    for side, knee in BRANCH_SIGNS.tolist():
         at = values | target | {inverse.side: side, inverse.knee: knee}
         if float(inverse.outer.subs(at)) < 0:
             continue

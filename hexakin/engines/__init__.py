@@ -15,7 +15,7 @@ __all__ = ["ENGINES", "Engine", "Reading", "engine_class"]
 
 def engine_class(name: str) -> type[Engine]:
     """Return the engine of this name; raises UnknownNameError, or MissingPackageError if its package is missing."""
-    if name not in ENGINES:
+    if not isinstance(name, str) or name not in ENGINES:
         raise UnknownNameError("engine", name, sorted(ENGINES))
     module, attribute = ENGINES[name]
     return getattr(importlib.import_module(module), attribute)

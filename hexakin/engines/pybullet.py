@@ -17,7 +17,7 @@ from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot import NUM_JOINTS, Robot
 from hexakin.terrain import HalfSpace, Terrain, TriangleMesh
-from hexakin.transforms import Array, check_array, check_number
+from hexakin.transforms import Array, check_array, check_number, check_whole
 from hexakin.urdf import to_urdf
 
 GRAVITY = 9.81  # [m/s^2]
@@ -50,15 +50,16 @@ except ImportError as error:
 
 
 class PyBulletEngine(Engine):
-    """ATHENA-like robots in PyBullet.
+    """A robot in PyBullet.
 
     The servo is Bullet's joint motor: position gain rate * time_step per step and velocity gain 1 make
     it drive the joint at rate * (command - angle), inside the solver and limited in torque.
     Bullet multiplies the two partners' coefficients, so that the ground gets 1 and the robot the value.
 
-    Bullet's Gauss-Seidel solver stops at its residual threshold ``solver_residual`` or after ``solver_iterations``. Its
-    own default of 50 iterations leaves servos and rates visibly unconverged. ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or
-    Bullet's ``"cone"``, under which standing feet creep by millimetres in ten seconds.
+    Bullet's Gauss-Seidel solver stops at its residual threshold ``solver_residual`` or after
+    ``solver_iterations``; its own default of 50 iterations leaves servos and rates visibly unconverged.
+    ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or Bullet's ``"cone"``,
+    under which standing feet creep further at the same effort.
     """
 
     packages = ("pybullet",)
@@ -81,10 +82,29 @@ class PyBulletEngine(Engine):
         self._time_step = check_number("time_step", time_step, above=0.0, unit="s")
         check_number("friction", friction, at_least=0.0)
         check_number("restitution", restitution, at_least=0.0, at_most=1.0)
+        check_number("solver_residual", solver_residual, at_least=0.0)
+        check_whole("solver_iterations", solver_iterations, at_least=1)
+        urdf = to_urdf(robot)
         self._client = pybullet.connect(pybullet.DIRECT)
+        try:
+            self._build(urdf, terrain, solver_residual, solver_iterations, friction_model, friction, restitution)
+        except BaseException:
+            self.close()
+            raise
+
+    def _build(
+        self,
+        urdf: str,
+        terrain: Terrain,
+        solver_residual: float,
+        solver_iterations: int,
+        friction_model: str,
+        friction: float,
+        restitution: float,
+    ) -> None:
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=time_step,
+            fixedTimeStep=self._time_step,
             solverResidualThreshold=solver_residual,
             numSolverIterations=solver_iterations,
             enableConeFriction=int(friction_model == "cone"),
@@ -94,9 +114,9 @@ class PyBulletEngine(Engine):
         )
         for shape in terrain.shapes():
             self._add_ground(shape)
-        self._body = self._load(robot)
+        self._body = self._load(urdf)
         links = range(-1, pybullet.getNumJoints(self._body, physicsClientId=self._client))
-        per_leg = NUM_JOINTS + 1
+        robot, per_leg = self._robot, NUM_JOINTS + 1
         self._joints = [per_leg * leg + k for leg in range(robot.num_legs) for k in range(NUM_JOINTS)]
         self._foot_of_link = {per_leg * leg + NUM_JOINTS: leg for leg in range(robot.num_legs)}
         for link in links:
@@ -136,10 +156,10 @@ class PyBulletEngine(Engine):
             physicsClientId=self._client,
         )  # fmt: skip
 
-    def _load(self, robot: Robot) -> int:
+    def _load(self, urdf: str) -> int:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
-            path.write_text(to_urdf(robot), encoding="utf-8")
+            path.write_text(urdf, encoding="utf-8")
             # Bullet would otherwise compute the inertias from the collision shapes.
             flags = pybullet.URDF_USE_INERTIA_FROM_FILE
             return pybullet.loadURDF(str(path), flags=flags, physicsClientId=self._client)

@@ -67,10 +67,11 @@ def inverse(p, foot, side, knee):
     t5 = t0*t3 + t1*t2
     t6 = t4**2 + t5**2
     t7 = -p2 + side*numpy.sqrt(t6)
-    t8 = p3 + p4
+    t8 = numpy.sign(p3*p4)
     t9 = t7**2 + z**2
-    t10 = t8**2 - t9
-    t11 = p3 - p4
-    t12 = -t11**2 + t9
-    t13 = 2*knee*numpy.arctan2(numpy.sqrt(numpy.maximum(0, t10)), numpy.sqrt(numpy.maximum(0, t12)))
-    return (numpy.arctan2(side*t4, side*t5), numpy.arctan2(z, t7) - numpy.arctan2(p4*numpy.sin(t13), p3 + p4*numpy.cos(t13)), t13), t6, t10, t12, numpy.sqrt(t9), (abs(t11), t8)
+    t10 = t8*(-t9 + (p3 + p4)**2)
+    t11 = t8*(t9 - (p3 - p4)**2)
+    t12 = 2*knee*numpy.arctan2(numpy.sqrt(numpy.maximum(0, t10)), numpy.sqrt(numpy.maximum(0, t11)))
+    t13 = abs(p3)
+    t14 = abs(p4)
+    return (numpy.arctan2(side*t4, side*t5), numpy.arctan2(z, t7) - numpy.arctan2(p4*numpy.sin(t12), p3 + p4*numpy.cos(t12)), t12), t6, t10, t11, numpy.sqrt(t9), (abs(t13 - t14), t13 + t14)

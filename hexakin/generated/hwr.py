@@ -61,10 +61,11 @@ def inverse(p, foot, side, knee):
     t1 = -p0 + x
     t2 = p2 - z
     t3 = t0**2 + t1**2
-    t4 = p3 + p4
+    t4 = numpy.sign(p3*p4)
     t5 = t2**2 + t3
-    t6 = t4**2 - t5
-    t7 = p3 - p4
-    t8 = t5 - t7**2
-    t9 = 2*knee*numpy.arctan2(numpy.sqrt(numpy.maximum(0, t6)), numpy.sqrt(numpy.maximum(0, t8)))
-    return (numpy.arctan2(side*t0, side*t1), numpy.arctan2(t2, side*numpy.sqrt(t3)) - numpy.arctan2(p4*numpy.sin(t9), p3 + p4*numpy.cos(t9)), t9), t3, t6, t8, numpy.sqrt(t5), (abs(t7), t4)
+    t6 = t4*(-t5 + (p3 + p4)**2)
+    t7 = t4*(t5 - (p3 - p4)**2)
+    t8 = 2*knee*numpy.arctan2(numpy.sqrt(numpy.maximum(0, t6)), numpy.sqrt(numpy.maximum(0, t7)))
+    t9 = abs(p3)
+    t10 = abs(p4)
+    return (numpy.arctan2(side*t0, side*t1), numpy.arctan2(t2, side*numpy.sqrt(t3)) - numpy.arctan2(p4*numpy.sin(t8), p3 + p4*numpy.cos(t8)), t8), t3, t6, t7, numpy.sqrt(t5), (abs(t10 - t9), t10 + t9)
