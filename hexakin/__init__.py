@@ -28,12 +28,13 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
+    "dynamics", "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
     "stability", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
     from hexakin import (
+        dynamics,
         engines,
         exceptions,
         figures,

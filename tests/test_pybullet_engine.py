@@ -11,6 +11,12 @@ from hexakin.simulation import starting_pose, torso_height
 from hexakin.transforms import pose
 
 
+def lopsided(tree):
+    """A torso whose centre of mass and principal axes are not those of the body frame."""
+    tree["torso"]["center_of_mass_mm"] = [5, -10, 20]
+    tree["torso"]["inertia"].update(xy=3e-4, xz=-2e-4)
+
+
 @pytest.fixture(scope="module")
 def standing(athena):
     """Readings over ten seconds of standing on level ground, two a second, after one second of settling."""
@@ -74,16 +80,8 @@ def test_servo_torques_keep_their_limit(short_walk, athena):
     assert np.abs(short_walk.joint_torque).max() <= athena.servo.max_torque + 1e-9
 
 
-def test_readings_place_the_body_frame_not_its_centre_of_mass(tmp_path, athena):
-    import yaml
-
-    from hexakin.robot_file import DATA
-
-    tree = yaml.safe_load((DATA / "robots" / "athena.yaml").read_text())
-    tree["torso"]["center_of_mass_mm"] = [5, -10, 20]
-    path = tmp_path / "lopsided.yaml"
-    path.write_text(yaml.safe_dump(tree))
-    robot = hk.load_robot(path)
+def test_readings_place_the_body_frame_not_its_centre_of_mass(edited):
+    robot = edited("athena", lopsided)
     T = pose(hk.transforms.axis_rotation([0, 1, 0], 0.3), [1.0, 2.0, 3.0])
     with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-6) as engine:
         engine.place(T, robot.standing_q)
@@ -106,7 +104,7 @@ def test_the_imu_turns_with_the_body_and_velocities_are_of_its_origin(edited):
     """A spun, lopsided robot in free fall: rates in the body frame, velocity of the origin."""
     import pybullet
 
-    robot = edited("athena", lambda tree: tree["torso"].update(center_of_mass_mm=[5, -10, 20]))
+    robot = edited("athena", lopsided)
     R = hk.transforms.rpy_rotation([0.4, -0.3, 1.1])
     omega_world = np.array([0.3, -0.8, 0.5])
     with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-5) as engine:

@@ -17,7 +17,7 @@ from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot import NUM_JOINTS, Robot
 from hexakin.terrain import HalfSpace, Terrain, TriangleMesh
-from hexakin.transforms import Array, check_array, check_number, check_whole
+from hexakin.transforms import Array, check_array, check_number, check_whole, inverse_pose, pose
 from hexakin.urdf import to_urdf
 
 GRAVITY = 9.81  # [m/s^2]
@@ -116,6 +116,9 @@ class PyBulletEngine(Engine):
             self._add_ground(shape)
         self._body = self._load(urdf)
         links = range(-1, pybullet.getNumJoints(self._body, physicsClientId=self._client))
+        # Bullet moves the base by its inertial frame: the centre of mass and the principal axes.
+        _, _, _, place, turn, *_ = pybullet.getDynamicsInfo(self._body, -1, physicsClientId=self._client)
+        self._T_body_inertial = pose(np.reshape(pybullet.getMatrixFromQuaternion(turn), (3, 3)), place)
         robot, per_leg = self._robot, NUM_JOINTS + 1
         self._joints = [per_leg * leg + k for leg in range(robot.num_legs) for k in range(NUM_JOINTS)]
         self._foot_of_link = {per_leg * leg + NUM_JOINTS: leg for leg in range(robot.num_legs)}
@@ -166,11 +169,9 @@ class PyBulletEngine(Engine):
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
         """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
-        T = check_array("T_world_body", T_world_body, (4, 4))
+        T = check_array("T_world_body", T_world_body, (4, 4)) @ self._T_body_inertial
         angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
-        # The URDF's base frame is the body frame; Bullet places the base by its centre of mass.
-        center = T[:3, :3] @ self._robot.torso.center_of_mass + T[:3, 3]
-        quaternion = _quat_xyzw(T[:3, :3])
+        center, quaternion = T[:3, 3], _quat_xyzw(T[:3, :3])
         pybullet.resetBasePositionAndOrientation(self._body, center, quaternion, physicsClientId=self._client)
         pybullet.resetBaseVelocity(self._body, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
         for joint, angle in zip(self._joints, angles.ravel(), strict=True):
@@ -212,8 +213,9 @@ class PyBulletEngine(Engine):
         velocity, angular = pybullet.getBaseVelocity(self._body, physicsClientId=client)
         T = np.eye(4)
         T[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(quaternion), (3, 3))
-        lever = T[:3, :3] @ self._robot.torso.center_of_mass
-        T[:3, 3] = np.array(center) - lever
+        T[:3, 3] = center
+        T = T @ inverse_pose(self._T_body_inertial)
+        lever = T[:3, :3] @ self._T_body_inertial[:3, 3]
         q = np.array([state[0] for state in states]).reshape(shape)
         if not (np.isfinite(T).all() and np.isfinite(q).all()):
             raise SimulationError(
