@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin.body_motion import body_poses
 from hexakin.course import START_OFFSETS, Course, swing_arches
 from hexakin.exceptions import InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
 from hexakin.gait import Gait, tripod
@@ -32,8 +33,6 @@ from hexakin.transforms import (
     check_number,
     check_whole,
     inverse_pose,
-    rotation_between,
-    rpy_rotation,
     transform_points,
 )
 
@@ -184,7 +183,7 @@ def plan_walk(
 
     height = standing_height(robot) if body_height is None else body_height
     sway = amplitude * np.sin(2.0 * np.pi * progress / period) if body_motion == "sinusoidal" else np.zeros(num_samples)
-    T_world_body = _body_poses(
+    T_world_body = body_poses(
         course, ground, progress, step, height + sway, height_reference, height_along, body_orientation, yaw
     )
 
@@ -239,56 +238,6 @@ def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
 
 def _largest(values: Array) -> float:
     return float(values.max()) if values.size else float("nan")
-
-
-def _body_poses(
-    course: Course,
-    ground: Array,
-    progress: Array,
-    step: Array,
-    height: Array,
-    height_reference: str,
-    height_along: str,
-    orientation: str | ArrayLike,
-    yaw: float,
-) -> Array:
-    """Body poses (n, 4, 4), B(24)-(25): over the footholds' mean, which moves from step to step, at ``height``."""
-    part = (progress - step)[:, None]
-    middle = ground.mean(axis=1)
-    center = (1.0 - part) * middle[step] + part * middle[step + 1]
-    center[:, :2] += course.body_offset
-    if height_reference == "start":
-        center[:, 2] = middle[0, 2]
-    turn = rpy_rotation([0.0, 0.0, yaw])
-    up = np.broadcast_to([0.0, 0.0, 1.0], center.shape)
-    if isinstance(orientation, str) and orientation == "parallel":
-        normals = _fitted_normals(ground)
-        up = (1.0 - part) * normals[step] + part * normals[step + 1]
-        up = up / np.linalg.norm(up, axis=-1, keepdims=True)
-        rotation = rotation_between([0.0, 0.0, 1.0], up) @ turn
-    elif isinstance(orientation, str):
-        rotation = np.broadcast_to(turn, (len(center), 3, 3))
-    else:
-        rotation = np.broadcast_to(turn @ rpy_rotation(orientation), (len(center), 3, 3))
-    T = np.zeros((len(center), 4, 4))
-    T[:, :3, :3] = rotation
-    if height_along == "vertical":
-        # B(24)-(25) fix x and y whatever the orientation.
-        T[:, :3, 3] = center
-        T[:, 2, 3] += height / up[:, 2]
-    else:
-        T[:, :3, 3] = center + height[:, None] * up
-    T[:, 3, 3] = 1.0
-    return T
-
-
-def _fitted_normals(points: Array) -> Array:
-    """Upward unit normals (k, 3) of the planes z = a x + b y + c that fit points (k, L, 3) best."""
-    offset = points - points.mean(axis=1, keepdims=True)
-    moment = np.einsum("kli,klj->kij", offset[..., :2], offset[..., :2])
-    slope = np.linalg.solve(moment, np.einsum("kli,kl->ki", offset[..., :2], offset[..., 2])[..., None])[..., 0]
-    normal = np.concatenate([-slope, np.ones((len(points), 1))], axis=-1)
-    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
 def _refuse(robot: Robot, solution: InverseSolution, time: Array) -> None:
