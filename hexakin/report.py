@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import html
 import os
+import subprocess
 import sys
 import time
 from dataclasses import dataclass
@@ -45,7 +46,8 @@ def run_notebook(path: Path, report: Path) -> Page:
     )
     start, failure = time.monotonic(), ""
     try:
-        client.execute()
+        # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.
+        client.execute(stderr=subprocess.DEVNULL)
     except nbclient.exceptions.CellExecutionError as error:
         failure = f"{error.ename}: {error.evalue}"
     seconds = time.monotonic() - start

@@ -58,8 +58,7 @@ class PyBulletEngine(Engine):
 
     Bullet's Gauss-Seidel solver stops at its residual threshold ``solver_residual`` or after
     ``solver_iterations``; its own default of 50 iterations leaves servos and rates visibly unconverged.
-    ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or Bullet's ``"cone"``,
-    under which standing feet creep further at the same effort.
+    ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or Bullet's ``"cone"``.
     """
 
     packages = ("pybullet",)
@@ -72,7 +71,7 @@ class PyBulletEngine(Engine):
         time_step: float = 0.001,
         friction: float = 0.9,
         restitution: float = 0.5,
-        solver_residual: float = 1e-2,
+        solver_residual: float = 3e-3,
         solver_iterations: int = 500,
         friction_model: Literal["pyramid", "cone"] = "pyramid",
     ):
