@@ -149,7 +149,10 @@ def test_gravity_is_the_weight_on_the_base(robot, state):
 
 
 def test_energy_is_conserved_in_free_flight(robot, state):
-    """A tumbling robot with loose joints, integrated by the classical Runge-Kutta method: the error falls as h^4."""
+    """A tumbling robot with loose joints: what drifts is the integrator's error, which falls at least with its square.
+
+    The Runge-Kutta stages' velocities belong to differently turned body frames; their plain average is of second order.
+    """
     configuration, velocity = state
     model = dynamics.build_model(robot)
     data = model.createData()
@@ -169,7 +172,7 @@ def test_energy_is_conserved_in_free_flight(robot, state):
 
     coarse, fine = drift(2e-3), drift(1e-3)
     assert fine < 1e-5 * dynamics.energies(robot, configuration, velocity).kinetic
-    assert fine < coarse
+    assert fine < coarse / 3.0
 
 
 def test_bad_configurations_and_velocities_are_named():
