@@ -1,0 +1,44 @@
+"""Compiled loops: numba's decorator with a cache on disk, and a word to the user while it compiles for the first time.
+
+This is the only module that imports numba; it carries the inner loops of contact time stepping, where a Python
+loop would cost more than the physics.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+from hexakin.exceptions import MissingPackageError
+
+try:
+    import numba
+except ImportError as error:
+    raise MissingPackageError("numba", "contact mechanics", "pip install numba") from error
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_PATIENCE = 1.0  # [s] a cached start is faster than this
+
+
+def compiled(function: _Function) -> _Function:
+    """Compile at the first call and keep the machine code beside the source (numba falls back to the user's cache)."""
+    return numba.njit(cache=True, error_model="numpy")(function)
+
+
+@contextlib.contextmanager
+def announced(what: str) -> Iterator[None]:
+    """Say on stderr that ``what`` is being compiled, if the block takes longer than a cached start does."""
+
+    def say() -> None:
+        print(f"hexakin: compiling {what}, once for this installation (up to a minute) ...", file=sys.stderr)
+
+    timer = threading.Timer(_PATIENCE, say)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -1,0 +1,1 @@
+"""Contact mechanics: Coulomb friction with the exact cone and with the paper's polyhedron (A section 3.1)."""

@@ -1,0 +1,280 @@
+"""Coulomb's law with the exact cone, compiled: block Gauss-Seidel, finished by semismooth Newton steps.
+
+Unknowns are the impulses p of n contacts, three each in the order (t1, t2, n), and behind them those of m
+servos; velocities are u = G p + g. For each contact: p_n >= p_min, u_n >= 0, (p_n - p_min) u_n = 0, and the
+tangential impulse is the point of the disc |p_t| <= mu p_n that opposes the slip best (maximum dissipation). Any
+bias of the normal velocity (restitution, gap) is part of g. For each servo: low <= p <= high, and u = 0 between
+the limits.
+
+Gauss-Seidel solves normal and friction disc of one contact exactly in turn; it converges slowly where feet are
+redundant. Newton's method on the natural map is fast and only local. So sweeps bring the iterate near,
+Newton finishes, and what counts is the residual.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hexakin.compiled import compiled
+from hexakin.transforms import Array
+
+
+@compiled
+def _disc(a: float, b: float, c: float, gx: float, gy: float, radius: float) -> tuple[float, float]:
+    """Minimise p'Wp/2 + g'p over |p| <= radius, W = [[a, b], [b, c]] positive definite."""
+    det = a * c - b * b
+    x, y = -(c * gx - b * gy) / det, -(a * gy - b * gx) / det
+    if x * x + y * y <= radius * radius:
+        return x, y
+    if radius <= 0.0:
+        return 0.0, 0.0
+    # On the rim: (W + s I) p = -g with |p| = radius; Newton on 1/|p| is monotone in s.
+    shift, norm = 0.0, np.sqrt(x * x + y * y)
+    for _ in range(50):
+        dx, dy = (c + shift) * x - b * y, (a + shift) * y - b * x
+        slope = (x * dx + y * dy) / det
+        shift += (norm - radius) / radius * norm * norm / slope
+        det = (a + shift) * (c + shift) - b * b
+        x, y = -((c + shift) * gx - b * gy) / det, -((a + shift) * gy - b * gx) / det
+        norm = np.sqrt(x * x + y * y)
+        if abs(norm - radius) <= 1e-15 * radius:
+            break
+    return x * radius / norm, y * radius / norm
+
+
+@compiled
+def _velocity(G: Array, g: Array, p: Array, u: Array) -> None:
+    for i in range(g.size):
+        total = g[i]
+        for j in range(g.size):
+            total += G[i, j] * p[j]
+        u[i] = total
+
+
+@compiled
+def natural_residual(p: Array, u: Array, mu: Array, p_min: Array, low: Array, high: Array, step_length: Array) -> float:
+    """Largest distance by which an impulse moves when it is stepped by -step_length u and put back into its set.
+
+    It is zero at solutions and only there, and of first order everywhere, unlike products p u.
+    """
+    worst = 0.0
+    for c in range(mu.size):
+        k = 3 * c
+        rho = step_length[k]
+        error = abs(p[k + 2] - max(p_min[c], p[k + 2] - rho * u[k + 2]))
+        x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], mu[c] * max(p[k + 2], 0.0)
+        norm = np.sqrt(x * x + y * y)
+        if norm > radius:
+            x, y = x * radius / norm, y * radius / norm
+        slip = np.sqrt((x - p[k]) ** 2 + (y - p[k + 1]) ** 2)
+        # A NaN must not pass for a small residual.
+        if not (error <= worst and slip <= worst):
+            worst = max(error, slip) if error == error and slip == slip else np.inf
+    for j in range(low.size):
+        k = 3 * mu.size + j
+        error = abs(p[k] - min(max(p[k] - step_length[k] * u[k], low[j]), high[j]))
+        if not error <= worst:
+            worst = error if error == error else np.inf
+    return worst
+
+
+@compiled
+def _sweep(G: Array, mu: Array, p_min: Array, low: Array, high: Array, p: Array, u: Array) -> None:
+    size = u.size
+    for c in range(mu.size):
+        k = 3 * c
+        normal = max(p_min[c], p[k + 2] - u[k + 2] / G[k + 2, k + 2])
+        dn = normal - p[k + 2]
+        a, b, d = G[k, k], G[k, k + 1], G[k + 1, k + 1]
+        gx = u[k] + G[k, k + 2] * dn - a * p[k] - b * p[k + 1]
+        gy = u[k + 1] + G[k + 1, k + 2] * dn - b * p[k] - d * p[k + 1]
+        x, y = _disc(a, b, d, gx, gy, mu[c] * normal)
+        dx, dy = x - p[k], y - p[k + 1]
+        p[k], p[k + 1], p[k + 2] = x, y, normal
+        for i in range(size):
+            u[i] += G[k, i] * dx + G[k + 1, i] * dy + G[k + 2, i] * dn
+    for j in range(low.size):
+        k = 3 * mu.size + j
+        value = min(max(p[k] - u[k] / G[k, k], low[j]), high[j])
+        change = value - p[k]
+        p[k] = value
+        for i in range(size):
+            u[i] += G[k, i] * change
+
+
+@compiled
+def _eliminate(A: Array, b: Array) -> bool:
+    """Solve A x = b in place (x in b) by Gaussian elimination with partial pivoting; false if A is singular."""
+    size = b.size
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if not abs(A[pivot, k]) > 1e-14:
+            return False
+        if pivot != k:
+            for j in range(k, size):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        for i in range(k + 1, size):
+            factor = A[i, k] / A[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, size):
+                    A[i, j] -= factor * A[k, j]
+                b[i] -= factor * b[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            b[k] -= A[k, j] * b[j]
+        b[k] /= A[k, k]
+    return True
+
+
+@compiled
+def _newton(
+    G: Array,
+    g: Array,
+    mu: Array,
+    p_min: Array,
+    low: Array,
+    high: Array,
+    step_length: Array,
+    p: Array,
+    u: Array,
+    goal: float,
+    steps: int,
+) -> float:
+    """Semismooth Newton on the natural map, in place; returns the residual reached. The caller keeps a copy of p."""
+    size = g.size
+    A, step = np.empty((size, size)), np.empty(size)
+    residual = natural_residual(p, u, mu, p_min, low, high, step_length)
+    for _ in range(steps):
+        # Redundant contacts leave A singular; the damping fades with the residual (Levenberg, Marquardt).
+        largest = 1e-300
+        for i in range(size):
+            largest = max(largest, abs(p[i]))
+        damping = min(1.0, residual / largest) + 1e-13
+        for c in range(mu.size):
+            k = 3 * c
+            n, rho = k + 2, step_length[k]
+            if p[n] - rho * u[n] > p_min[c]:
+                step[n] = -rho * u[n]
+                for j in range(size):
+                    A[n, j] = rho * G[n, j]
+                A[n, n] += damping
+            else:
+                step[n] = p_min[c] - p[n]
+                A[n, :] = 0.0
+                A[n, n] = 1.0
+            x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], mu[c] * max(p[n], 0.0)
+            norm = np.sqrt(x * x + y * y)
+            if norm <= radius:
+                step[k], step[k + 1] = -rho * u[k], -rho * u[k + 1]
+                for j in range(size):
+                    A[k, j], A[k + 1, j] = rho * G[k, j], rho * G[k + 1, j]
+                A[k, k] += damping
+                A[k + 1, k + 1] += damping
+            else:
+                # p_t - radius y/|y|, y = p_t - rho u_t, differentiated.
+                x, y, share = x / norm, y / norm, radius / norm
+                step[k], step[k + 1] = radius * x - p[k], radius * y - p[k + 1]
+                xx, xy, yy = share * (1.0 - x * x), -share * x * y, share * (1.0 - y * y)
+                for j in range(size):
+                    A[k, j] = rho * (xx * G[k, j] + xy * G[k + 1, j])
+                    A[k + 1, j] = rho * (xy * G[k, j] + yy * G[k + 1, j])
+                A[k, k] += 1.0 - xx
+                A[k, k + 1] -= xy
+                A[k + 1, k] -= xy
+                A[k + 1, k + 1] += 1.0 - yy
+                if p[n] > 0.0:
+                    A[k, n] -= mu[c] * x
+                    A[k + 1, n] -= mu[c] * y
+        for j in range(low.size):
+            k = 3 * mu.size + j
+            rho = step_length[k]
+            value = p[k] - rho * u[k]
+            if low[j] < value < high[j]:
+                step[k] = -rho * u[k]
+                for i in range(size):
+                    A[k, i] = rho * G[k, i]
+                A[k, k] += damping
+            else:
+                step[k] = (high[j] if value >= high[j] else low[j]) - p[k]
+                A[k, :] = 0.0
+                A[k, k] = 1.0
+        if not _eliminate(A, step):
+            return np.inf
+        for i in range(size):
+            p[i] += step[i]
+        # Back into the cone, so that what is returned is feasible.
+        for c in range(mu.size):
+            k = 3 * c
+            p[k + 2] = max(p[k + 2], p_min[c])
+            norm, radius = np.sqrt(p[k] ** 2 + p[k + 1] ** 2), mu[c] * p[k + 2]
+            if norm > radius:
+                p[k] *= radius / norm
+                p[k + 1] *= radius / norm
+        for j in range(low.size):
+            k = 3 * mu.size + j
+            p[k] = min(max(p[k], low[j]), high[j])
+        _velocity(G, g, p, u)
+        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
+        if not residual > goal:
+            break
+    return residual
+
+
+@compiled
+def solve_cone(
+    G: Array,
+    g: Array,
+    mu: Array,
+    p_min: Array,
+    low: Array,
+    high: Array,
+    p: Array,
+    u: Array,
+    tolerance: float,
+    max_sweeps: int,
+) -> tuple[float, int]:
+    """Solve for the impulses p (3 n + m,), in place from a first guess; u (3 n + m,) receives the velocities.
+
+    ``mu``, ``p_min`` (n,), ``low``, ``high`` (m,). Returns the natural residual relative to the largest impulse and the
+    number of sweeps; the caller compares.
+    """
+    size = g.size
+    step_length = np.empty(size)
+    # The impulse that would stop the fastest contact: the scale if all impulses turn out to be small.
+    scale = 0.0
+    for c in range(mu.size):
+        k = 3 * c
+        rho = 3.0 / (G[k, k] + G[k + 1, k + 1] + G[k + 2, k + 2])
+        for i in range(k, k + 3):
+            step_length[i] = rho
+            scale = max(scale, 1e-3 * rho * abs(g[i]))
+    for k in range(3 * mu.size, size):
+        step_length[k] = 1.0 / G[k, k]
+        scale = max(scale, 1e-3 * abs(g[k]) / G[k, k])
+    _velocity(G, g, p, u)
+    saved_p, saved_u = np.empty(size), np.empty(size)
+    sweeps, next_newton = 0, 4
+    while True:
+        largest = scale
+        for i in range(size):
+            largest = max(largest, abs(p[i]))
+        if largest == 0.0:
+            return 0.0, sweeps
+        goal = tolerance * largest
+        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
+        if residual <= goal or sweeps >= max_sweeps:
+            return residual / largest, sweeps
+        if sweeps >= next_newton:
+            next_newton = int(1.5 * sweeps)
+            saved_p[:], saved_u[:] = p, u
+            if _newton(G, g, mu, p_min, low, high, step_length, p, u, goal, 40) <= goal:
+                continue
+            p[:], u[:] = saved_p, saved_u
+        _sweep(G, mu, p_min, low, high, p, u)
+        sweeps += 1
+        if sweeps % 50 == 0:
+            _velocity(G, g, p, u)  # rounding does not add up

@@ -1,0 +1,193 @@
+"""One time step's velocities and impulses in generalised coordinates, with torque-limited servos inside the step.
+
+M v = r + J^T p + S^T s: mass matrix M, momentum r that all known forces would leave, contact impulses p in
+cones and servo impulses s in boxes. A servo holds its target velocity as long as its impulse stays within the
+box, and gives the limit otherwise; it is a Coulomb friction about a moving target. Holding joints are eliminated
+exactly, so that for a standing robot only the body's six coordinates remain. Which servos hold is found by an
+active-set iteration around the contact solver.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hexakin.compiled import compiled
+from hexakin.contact.cone import solve_cone
+from hexakin.transforms import Array
+
+HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
+
+
+@compiled
+def _cholesky(A: Array) -> bool:
+    """Lower factor in place; false unless positive definite."""
+    for j in range(A.shape[0]):
+        d = A[j, j]
+        for k in range(j):
+            d -= A[j, k] * A[j, k]
+        if not d > 0.0:
+            return False
+        d = np.sqrt(d)
+        A[j, j] = d
+        for i in range(j + 1, A.shape[0]):
+            value = A[i, j]
+            for k in range(j):
+                value -= A[i, k] * A[j, k]
+            A[i, j] = value / d
+    return True
+
+
+@compiled
+def _project(M: Array, r: Array, rows: Array, free: Array, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
+    """Over the free coordinates: L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y, g = Y^T y; false if M is singular."""
+    count, size = free.size, g.size
+    for a in range(count):
+        for b in range(a + 1):
+            L[a, b] = M[free[b], free[a]]
+    if not _cholesky(L[:count, :count]):
+        return False
+    G[:, :] = 0.0
+    g[:] = 0.0
+    for a in range(count):
+        value = r[free[a]]
+        for b in range(a):
+            value -= L[a, b] * y[b]
+        y[a] = value / L[a, a]
+        for k in range(size):
+            Y[a, k] = rows[k, free[a]]
+        for b in range(a):
+            f = L[a, b]
+            if f != 0.0:
+                for k in range(size):
+                    Y[a, k] -= f * Y[b, k]
+        f = 1.0 / L[a, a]
+        for k in range(size):
+            Y[a, k] *= f
+        for i in range(size):
+            f = Y[a, i]
+            if f != 0.0:
+                g[i] += f * y[a]
+                for j in range(size):
+                    G[i, j] += f * Y[a, j]
+    return True
+
+
+@compiled
+def _velocities(free: Array, L: Array, Y: Array, y: Array, p: Array, v: Array) -> None:
+    """Put v = L^-T (y + Y p) into the free coordinates."""
+    count = free.size
+    for a in range(count):
+        for k in range(p.size):
+            y[a] += Y[a, k] * p[k]
+    for a in range(count - 1, -1, -1):
+        value = y[a]
+        for b in range(a + 1, count):
+            value -= L[b, a] * y[b]
+        y[a] = value / L[a, a]
+        v[free[a]] = y[a]
+
+
+@compiled
+def solve_impulses(
+    M: Array,
+    r: Array,
+    J: Array,
+    mu: Array,
+    bias: Array,
+    p_min: Array,
+    servo: Array,
+    target: Array,
+    low: Array,
+    high: Array,
+    state: Array,
+    p: Array,
+    s: Array,
+    u: Array,
+    v: Array,
+    tolerance: float,
+    max_sweeps: int,
+) -> tuple[float, int]:
+    """Solve in place for p (3 n,), s (m,), contact velocities u (3 n,) and v (nv,); only M's upper triangle is read.
+
+    ``servo`` (m,) are the coordinates that have a servo, ``target`` their velocities, ``low`` and ``high`` their
+    impulses' limits, ``state`` (m,) which of them hold: first guess and result. ``bias`` (n,) is added to the
+    normal velocities, and to u. Returns the residual of ``solve_cone`` and the sweeps.
+    """
+    nv, m, size, contacts = r.size, servo.size, p.size, mu.size
+    slot = np.full(nv, -1, dtype=np.int64)
+    for j in range(m):
+        slot[servo[j]] = j
+    free, none = np.empty(nv, dtype=np.int64), np.empty(0)
+    L, Y, y = np.empty((nv, nv)), np.empty((nv, size)), np.empty(nv)
+    G, g, known = np.empty((size, size)), np.empty(size), np.empty(nv)
+    sweeps = 0
+    for _ in range(12):
+        count = 0
+        for i in range(nv):
+            j = slot[i]
+            known[i] = r[i]
+            if j >= 0 and state[j] == HOLDS:
+                v[i] = target[j]
+            else:
+                free[count] = i
+                count += 1
+                if j >= 0:
+                    known[i] += high[j] if state[j] == AT_HIGH else low[j]
+        for j in range(m):
+            if state[j] == HOLDS:
+                k = servo[j]
+                for a in range(count):
+                    i = free[a]
+                    known[i] -= (M[i, k] if i <= k else M[k, i]) * v[k]
+        if not _project(M, known, J, free[:count], L, Y, y, G, g):
+            return np.inf, sweeps
+        for c in range(contacts):
+            g[3 * c + 2] += bias[c]
+        for j in range(m):
+            if state[j] == HOLDS:
+                for i in range(size):
+                    g[i] += J[i, servo[j]] * target[j]
+        residual, used = solve_cone(G, g, mu, p_min, none, none, p, u, tolerance, max_sweeps)
+        sweeps += used
+        _velocities(free[:count], L, Y, y, p, v)
+        changed = False
+        for j in range(m):
+            i = servo[j]
+            if state[j] == HOLDS:
+                value = -r[i]
+                for k in range(nv):
+                    value += (M[i, k] if i <= k else M[k, i]) * v[k]
+                for k in range(size):
+                    value -= J[k, i] * p[k]
+                s[j] = value
+                slack = 1e-10 * (high[j] - low[j])
+                if value > high[j] + slack or value < low[j] - slack:
+                    state[j] = AT_HIGH if value > high[j] else AT_LOW
+                    changed = True
+            else:
+                s[j] = high[j] if state[j] == AT_HIGH else low[j]
+                if (v[i] - target[j]) * state[j] > 1e-12 * (1.0 + abs(target[j])):
+                    state[j] = HOLDS
+                    changed = True
+        if not changed:
+            return residual, sweeps
+    # Going round in circles (about 1 in 500 hard random problems): all unknowns at once.
+    rows, x, w = np.zeros((size + m, nv)), np.zeros(size + m), np.empty(size + m)
+    rows[:size] = J
+    for j in range(m):
+        rows[size + j, servo[j]] = 1.0
+    for i in range(nv):
+        free[i] = i
+    Y, G, g = np.empty((nv, size + m)), np.empty((size + m, size + m)), np.empty(size + m)
+    if not _project(M, r, rows, free, L, Y, y, G, g):
+        return np.inf, sweeps
+    for c in range(contacts):
+        g[3 * c + 2] += bias[c]
+    for j in range(m):
+        g[size + j] -= target[j]
+    residual, used = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+    _velocities(free, L, Y, y, x, v)
+    p[:], s[:], u[:] = x[:size], x[size:], w[:size]
+    for j in range(m):
+        state[j] = AT_HIGH if s[j] >= high[j] else AT_LOW if s[j] <= low[j] else HOLDS
+    return residual, sweeps + used
