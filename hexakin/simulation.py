@@ -50,7 +50,7 @@ def simulate(
     """
     check_robot(robot)
     if isinstance(terrain, type) or not isinstance(terrain, Terrain):
-        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "HeightField")]
+        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "Blocks", "HeightField")]
         raise UnknownNameError("terrain", terrain, known)
     if not isinstance(getattr(controller, "robot", None), Robot):
         raise InvalidInputError(

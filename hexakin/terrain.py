@@ -12,10 +12,11 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.transforms import Array, check_array, check_number
 
 if TYPE_CHECKING:
+    from hexakin.blocks import Blocks
     from hexakin.height_field import HeightField
     from hexakin.leg_curves import LegCurves
 
-__all__ = ["HalfSpace", "HeightField", "LegCurves", "Plane", "Ramp", "Terrain", "TriangleMesh"]
+__all__ = ["Blocks", "Box", "HalfSpace", "HeightField", "LegCurves", "Plane", "Ramp", "Terrain", "TriangleMesh"]
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,14 @@ class HalfSpace:
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box along the world's axes between its ``lower`` and ``upper`` corners, (3,) [m] each."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
 
 
 class TriangleMesh(NamedTuple):
@@ -46,7 +55,7 @@ class Terrain(Protocol):
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
         """Distance [m] from ``origin`` (..., 3) to the ground along the unit ``direction`` (..., 3); inf if none."""
 
-    def shapes(self) -> tuple[HalfSpace | TriangleMesh, ...]:
+    def shapes(self) -> tuple[HalfSpace | TriangleMesh | Box, ...]:
         """Shapes whose union is the ground, for an engine."""
 
 
@@ -139,6 +148,10 @@ class Ramp(_Planes):
 
 def __getattr__(name: str) -> Any:
     """Terrains with rooms of their own, under the one public name."""
+    if name == "Blocks":
+        from hexakin.blocks import Blocks
+
+        return Blocks
     if name == "HeightField":
         from hexakin.height_field import HeightField
 

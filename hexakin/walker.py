@@ -262,7 +262,7 @@ def _check(arguments: dict[str, Any]) -> Gait:
     robot = a["robot"]
     check_robot(robot)
     if isinstance(a["terrain"], type) or not isinstance(a["terrain"], (Terrain, LegCurves)):
-        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "HeightField", "LegCurves")]
+        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "Blocks", "HeightField", "LegCurves")]
         raise UnknownNameError("terrain", a["terrain"], known)
     if isinstance(a["terrain"], LegCurves) and a["terrain"].num_legs != robot.num_legs:
         raise InvalidInputError(f"terrain: curves for {a['terrain'].num_legs} legs, {robot.name} has {robot.num_legs}")

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot import NUM_JOINTS, Robot
-from hexakin.terrain import HalfSpace, Terrain, TriangleMesh
+from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
 from hexakin.transforms import Array, check_array, check_number, check_whole, inverse_pose, pose
 from hexakin.urdf import to_urdf
 
@@ -135,7 +135,7 @@ class PyBulletEngine(Engine):
                 physicsClientId=self._client,
             )
 
-    def _add_ground(self, shape: HalfSpace | TriangleMesh) -> None:
+    def _add_ground(self, shape: HalfSpace | TriangleMesh | Box) -> None:
         if isinstance(shape, TriangleMesh):
             collision = pybullet.createCollisionShape(
                 pybullet.GEOM_MESH,
@@ -145,6 +145,12 @@ class PyBulletEngine(Engine):
                 physicsClientId=self._client,
             )
             point = [0.0, 0.0, 0.0]
+        elif isinstance(shape, Box):
+            lower, upper = np.array(shape.lower), np.array(shape.upper)
+            collision = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=(0.5 * (upper - lower)).tolist(), physicsClientId=self._client
+            )
+            point = (0.5 * (lower + upper)).tolist()
         else:
             collision = pybullet.createCollisionShape(
                 pybullet.GEOM_PLANE, planeNormal=list(shape.normal), physicsClientId=self._client

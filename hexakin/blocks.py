@@ -1,0 +1,190 @@
+"""Terrain of square blocks of different heights: paper A's testbed (A section 5.1, Fig. 9b)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.terrain import Box, HalfSpace, check_points
+from hexakin.transforms import Array, check_array, check_number, check_whole, read_only
+
+_MAX_BLOCKS = 100_000  # assumed: far beyond any walk; an engine holds every block as a body of its own
+_BOTTOM = -0.1  # [m] assumed: blocks reach so far into the ground that nothing slips between the two
+_ROUNDING = 1e-9  # of a block's edge: what counts as on a line of the grid
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Square blocks with level tops, as paper A's testbed; around them the ground is level at z = 0.
+
+    The paper gives blocks 0.1 and 0.2 m wide and 0.04 to 0.13 m high; how they lie is assumed here.
+
+    Parameters
+    ----------
+    size:
+        Edge of a block [m]. One block is centred on the origin, so that a robot that starts there walks along the
+        middle of a row and not along a joint.
+    heights:
+        Lowest and highest top [m], not below the ground. The heights are drawn between them from ``seed``.
+    max_step:
+        Largest difference [m] between blocks that share an edge; None leaves every height independent. It does not
+        bound the step up from the ground around the blocks.
+    extent:
+        (x_min, x_max, y_min, y_max) [m] to cover. The blocks that it touches are there as a whole: with the default,
+        which ends at 0.8 m, blocks of 0.2 m end at 0.9 m.
+    level:
+        Blocks whose centres lie within this distance [m] of the origin share one height, so that the robot starts on
+        level ground; 0 switches that off.
+    seed:
+        A whole number; equal arguments make equal terrain.
+
+    Where blocks meet, the higher one counts. Raises InvalidInputError for a parameter out of its range.
+    """
+
+    size: float = 0.2
+    heights: tuple[float, float] = (0.04, 0.13)
+    max_step: float | None = 0.03
+    extent: tuple[float, float, float, float] = (-0.8, 0.8, -0.8, 4.0)
+    level: float = 0.35
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        low, high = self._tuple("heights", 2)
+        check_number("Blocks: heights: lowest", low, at_least=0.0, unit="m")
+        check_number("Blocks: heights: highest", high, at_least=low, unit="m")
+        object.__setattr__(self, "size", check_number("Blocks: size", self.size, above=0.0, unit="m"))
+        if self.max_step is not None:
+            step = check_number("Blocks: max_step", self.max_step, at_least=0.0, unit="m")
+            object.__setattr__(self, "max_step", step)
+        object.__setattr__(self, "level", check_number("Blocks: level", self.level, at_least=0.0, unit="m"))
+        object.__setattr__(self, "seed", check_whole("Blocks: seed", self.seed))
+        x_min, x_max, y_min, y_max = self._tuple("extent", 4)
+        for axis, begin, end in (("x", x_min, x_max), ("y", y_min, y_max)):
+            check_number(f"Blocks: extent: {axis}_max", end, above=begin, unit="m")
+        count = ((x_max - x_min) / self.size + 1.0) * ((y_max - y_min) / self.size + 1.0)
+        if count > _MAX_BLOCKS:
+            raise InvalidInputError(
+                f"Blocks: size: {self.size:g} m makes about {count:.3g} blocks of the extent {self.extent} m, "
+                f"expected at most {_MAX_BLOCKS}"
+            )
+
+    def _tuple(self, name: str, length: int) -> tuple[float, ...]:
+        """Coerce a field to a tuple of plain numbers, so that equal terrains have equal representations."""
+        values = check_array(f"Blocks: {name}", getattr(self, name), (length,), ("number",))
+        if values.ndim != 1:
+            raise InvalidInputError(f"Blocks: {name}: expected {length} numbers, got shape {values.shape}")
+        numbers = tuple(float(value) for value in values)
+        object.__setattr__(self, name, numbers)
+        return numbers
+
+    def _centers(self, axis: int) -> Array:
+        """Centres of the blocks along x (0) or y (1), in edges of a block: whole numbers."""
+        begin, end = (edge / self.size for edge in self.extent[2 * axis : 2 * axis + 2])
+        first, last = np.floor(begin + 0.5 + _ROUNDING), np.ceil(end - 0.5 - _ROUNDING)
+        return np.arange(first, max(first, last) + 1.0)
+
+    def _edges(self, axis: int) -> Array:
+        centers = self._centers(axis)
+        return read_only(self.size * (np.append(centers, centers[-1] + 1.0) - 0.5))
+
+    @cached_property
+    def x_edges(self) -> Array:
+        """Where blocks begin and end along x, (nx + 1,) [m], ascending."""
+        return self._edges(0)
+
+    @cached_property
+    def y_edges(self) -> Array:
+        """Where blocks begin and end along y, (ny + 1,) [m], ascending."""
+        return self._edges(1)
+
+    @cached_property
+    def tops(self) -> Array:
+        """Heights of the blocks, (nx, ny) [m].
+
+        The blocks are taken in random order, each height uniform over what the ones before leave possible. That
+        set is an interval: heights that differ by at most max_step times the number of blocks between them can always
+        be completed (McShane's extension of Lipschitz functions), so nothing is drawn twice or corrected later. No
+        direction is preferred, nor high over low, and the whole range is used. A walk from block to block would
+        depend on where it begins; levelling independent heights afterwards pulls them to the middle of the range.
+        """
+        low, high = self.heights
+        rng = np.random.default_rng(self.seed)
+        i, j = self._centers(0), self._centers(1)
+        least, most = np.full((len(i), len(j)), low), np.full((len(i), len(j)), high)
+        tops = np.empty_like(least)
+        span, longest = high - low, max(least.shape)
+        step = span if self.max_step is None else self.max_step
+        # From this many blocks away a height leaves the whole range free.
+        free = np.ceil(span / step) if step > 0.0 else np.inf
+        reach = int(min(longest, max(free - 1.0, 0.0)))
+
+        def settle(a: int, b: int, z: float) -> None:
+            tops[a, b] = z
+            near = slice(max(a - reach, 0), a + reach + 1), slice(max(b - reach, 0), b + reach + 1)
+            change = step * np.add.outer(np.abs(i[near[0]] - i[a]), np.abs(j[near[1]] - j[b]))
+            least[near] = np.maximum(least[near], z - change)
+            most[near] = np.minimum(most[near], z + change)
+
+        level = (np.hypot.outer(i, j) <= self.level / self.size + _ROUNDING) & (self.level > 0.0)
+        common = rng.uniform(low, high)
+        for a, b in np.argwhere(level):
+            settle(a, b, common)
+        for a, b in rng.permutation(np.argwhere(~level)):
+            settle(a, b, least[a, b] + rng.random() * (most[a, b] - least[a, b]))
+        return read_only(tops)
+
+    @cached_property
+    def _tops_and_ground(self) -> Array:
+        return read_only(np.pad(self.tops, 1))  # z = 0 all around
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground [m]; where blocks meet, that of the highest."""
+        px, py = check_points(x, y)
+        # The two sides differ only exactly on an edge, where they name the blocks on both sides of it.
+        i = [np.searchsorted(self.x_edges, px, side="left"), np.searchsorted(self.x_edges, px, side="right")]
+        j = [np.searchsorted(self.y_edges, py, side="left"), np.searchsorted(self.y_edges, py, side="right")]
+        return np.max([self._tops_and_ground[a, b] for a in i for b in j], axis=0)
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Unit normal out of the ground, (..., 3): upwards everywhere."""
+        px, _ = check_points(x, y)
+        return np.tile([0.0, 0.0, 1.0], (*px.shape, 1))
+
+    def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
+        """Distance [m] to the ground along a ray, to a top or to a side of a block; inf if it misses.
+
+        From under the ground it is the vertical gap, negative.
+        """
+        p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
+        gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
+        x, y, z, dx, dy, dz = (values[..., axis, None] for values in (p, d) for axis in range(3))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            # The ray's way is cut where it crosses a line of the grid; on each piece the ground is level.
+            lines = np.concatenate([(self.x_edges - x) / dx, (self.y_edges - y) / dy], axis=-1)
+            lines = np.sort(np.where(lines >= 0.0, lines, np.inf), axis=-1)
+            begin = np.concatenate([np.zeros_like(z), lines], axis=-1)
+            end = np.concatenate([lines, np.full_like(z, np.inf)], axis=-1)
+            passed = np.isfinite(begin)
+            begin = np.where(passed, begin, 0.0)
+            middle = np.where(np.isfinite(end), 0.5 * begin + 0.5 * end, begin + 1.0)
+            ground = self.height(x + middle * dx, y + middle * dy)
+            to_top = np.maximum((ground - z) / dz, begin)
+            hits_side = z + begin * dz < ground
+            hits_top = (dz < 0.0) & (to_top <= end)
+        distance = np.where(hits_side, begin, np.where(hits_top, to_top, np.inf))
+        distance = np.where(passed, distance, np.inf).min(axis=-1)
+        return np.where(gap < 0.0, gap, distance)
+
+    def shapes(self) -> tuple[HalfSpace | Box, ...]:
+        """Return the level ground and one box for each block."""
+        x, y, z = self.x_edges.tolist(), self.y_edges.tolist(), self.tops.tolist()
+        boxes = (
+            Box((x[a], y[b], _BOTTOM), (x[a + 1], y[b + 1], z[a][b]))
+            for a in range(len(x) - 1)
+            for b in range(len(y) - 1)
+        )
+        return (HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), *boxes)
