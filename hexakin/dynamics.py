@@ -2,7 +2,7 @@
 
 Velocities are Pinocchio's: linear and angular velocity of the body in its own frame (6), then the joint
 rates leg by leg, and with foot springs each leg's spring rate behind its joints. This is the only module that
-imports pinocchio.
+imports pinocchio and its collision library coal.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot, check_robot
 from hexakin.transforms import Array, check_array
 
 try:
+    import coal
     import pinocchio as pin
 except ImportError as error:
     raise MissingPackageError("pinocchio", "the dynamics", "pip install pin") from error

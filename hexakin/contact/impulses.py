@@ -39,7 +39,7 @@ def _cholesky(A: Array) -> bool:
 
 @compiled
 def _project(M: Array, r: Array, rows: Array, free: Array, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
-    """Over the free coordinates: L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y, g = Y^T y; false if M is singular."""
+    """Put L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y, g = Y^T y over the free coordinates; false if singular."""
     count, size = free.size, g.size
     for a in range(count):
         for b in range(a + 1):
@@ -88,6 +88,15 @@ def _velocities(free: Array, L: Array, Y: Array, y: Array, p: Array, v: Array) -
 
 
 @compiled
+def _soften(G: Array, size: int, compliance: float) -> None:
+    mean = 0.0
+    for i in range(size):
+        mean += G[i, i] / size
+    for i in range(size):
+        G[i, i] += compliance * mean
+
+
+@compiled
 def solve_impulses(
     M: Array,
     r: Array,
@@ -104,6 +113,7 @@ def solve_impulses(
     s: Array,
     u: Array,
     v: Array,
+    compliance: float,
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
@@ -111,7 +121,8 @@ def solve_impulses(
 
     ``servo`` (m,) are the coordinates that have a servo, ``target`` their velocities, ``low`` and ``high`` their
     impulses' limits, ``state`` (m,) which of them hold: first guess and result. ``bias`` (n,) is added to the
-    normal velocities, and to u. Returns the residual of ``solve_cone`` and the sweeps.
+    normal velocities, and to u. ``compliance``, a share of the mean of G's diagonal, is added to that diagonal: among the many
+    ways to share a load between redundant contacts it selects the most even one. Returns the residual of ``solve_cone`` and the sweeps.
     """
     nv, m, size, contacts = r.size, servo.size, p.size, mu.size
     slot = np.full(nv, -1, dtype=np.int64)
@@ -143,6 +154,7 @@ def solve_impulses(
             return np.inf, sweeps
         for c in range(contacts):
             g[3 * c + 2] += bias[c]
+        _soften(G, size, compliance)
         for j in range(m):
             if state[j] == HOLDS:
                 for i in range(size):
@@ -183,6 +195,7 @@ def solve_impulses(
         return np.inf, sweeps
     for c in range(contacts):
         g[3 * c + 2] += bias[c]
+    _soften(G, size, compliance)
     for j in range(m):
         g[size + j] -= target[j]
     residual, used = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)

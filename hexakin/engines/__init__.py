@@ -7,7 +7,10 @@ import importlib
 from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import UnknownNameError
 
-ENGINES = {"pybullet": ("hexakin.engines.pybullet", "PyBulletEngine")}
+ENGINES = {
+    "pybullet": ("hexakin.engines.pybullet", "PyBulletEngine"),
+    "rigid": ("hexakin.engines.rigid", "RigidEngine"),
+}
 """Name -> (module, class)."""
 
 __all__ = ["ENGINES", "Engine", "Reading", "engine_class"]

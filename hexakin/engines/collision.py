@@ -1,0 +1,346 @@
+"""Where bodies touch the ground: spheres and box corners against half spaces, boxes and triangles, compiled.
+
+A contact is a point where the distance between a body and the ground has a local minimum. That rule keeps
+both walls of a corner and drops the inner edges of a surface that is made of pieces: the seam between two level
+blocks or two triangles is no edge.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin.compiled import compiled
+from hexakin.exceptions import InvalidInputError
+from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.transforms import Array
+
+_CANDIDATES = 64  # shapes looked at around one sphere
+_SAME = 1e-9  # [m] points this close are one
+
+
+class Ground(NamedTuple):
+    """A terrain for the compiled search.
+
+    ``planes`` (k, 6): point and normal. ``boxes`` (b, 6): lower and upper corner. ``triangles`` (t, 12): three vertices
+    and the normal. ``vertices`` (w, 3) of the triangles. Boxes, triangles and vertices, in this order of numbers, lie in
+    the square cells that their footprints meet: ``items[start[c]:start[c + 1]]`` of cell c = i * shape[1] + j,
+    with the grid's ``corner`` (x, y) and ``cell`` size [m].
+    """
+
+    planes: Array
+    boxes: Array
+    triangles: Array
+    vertices: Array
+    corner: Array
+    cell: float
+    shape: NDArray[np.int64]
+    start: NDArray[np.int64]
+    items: NDArray[np.int64]
+
+
+class Contacts(NamedTuple):
+    """Contacts found: ``bodies`` (c, 2) that touch (-1 is the ground), ``point`` and ``normal`` (c, 3) from the second to
+    the first in the world, ``gap`` (c,) [m], ``group`` (c,) that the first belongs to, and ``key`` (c,), the same
+    from step to step as long as the contact lasts.
+    """
+
+    bodies: NDArray[np.int64]
+    point: Array
+    normal: Array
+    gap: Array
+    group: NDArray[np.int64]
+    key: NDArray[np.int64]
+
+
+def empty_contacts(capacity: int) -> Contacts:
+    """Return room for ``capacity`` contacts."""
+    whole = np.zeros(capacity, dtype=np.int64)
+    vectors = np.zeros((capacity, 3))
+    return Contacts(
+        np.zeros((capacity, 2), dtype=np.int64), vectors, vectors.copy(), np.zeros(capacity), whole, whole.copy()
+    )
+
+
+def compile_ground(terrain: Terrain) -> Ground:
+    """Sort a terrain's shapes into a grid; raises InvalidInputError for a shape that is not known here."""
+    planes, boxes, meshes = [], [], []
+    for shape in terrain.shapes():
+        if isinstance(shape, HalfSpace):
+            planes.append([*shape.point, *shape.normal])
+        elif isinstance(shape, Box):
+            boxes.append([*shape.lower, *shape.upper])
+        elif isinstance(shape, TriangleMesh):
+            meshes.append(shape)
+        else:
+            raise InvalidInputError(f"terrain: shape {shape!r:.80} is not known to engine 'rigid'")
+    corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes] or [np.zeros((0, 3, 3))])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    if (sizes <= 0.0).any():
+        raise InvalidInputError(f"terrain: triangle {int(np.argmin(sizes)) + 1} of its mesh has no area")
+    triangles = np.concatenate([corners.reshape(-1, 9), normals / sizes], axis=1)
+    vertices = np.concatenate([mesh.vertices for mesh in meshes] or [np.zeros((0, 3))])
+    solid = np.array(boxes, dtype=float).reshape(-1, 6)
+    low = np.concatenate([solid[:, :2], corners[:, :, :2].min(axis=1), vertices[:, :2]])
+    high = np.concatenate([solid[:, 3:5], corners[:, :, :2].max(axis=1), vertices[:, :2]])
+    if len(low) == 0:
+        low = high = np.zeros((1, 2))
+        owners: Array = np.zeros(0)
+    else:
+        owners = np.arange(len(low))
+    areal = (high - low).max(axis=1)
+    areal = areal[areal > 0.0]
+    corner = low.min(axis=0)
+    span = high.max(axis=0) - corner
+    # About one shape to a cell, and never more than a million cells.
+    cell = float(max(np.median(areal) if len(areal) else 1.0, np.sqrt(span[0] * span[1] / 1e6), 1e-6))
+    shape = np.floor(span / cell).astype(np.int64) + 1
+    first, last = np.floor((low - corner) / cell).astype(int), np.floor((high - corner) / cell).astype(int)
+    members: list[list[int]] = [[] for _ in range(int(shape[0] * shape[1]))]
+    for k in owners.astype(int):
+        for i in range(first[k, 0], last[k, 0] + 1):
+            for j in range(first[k, 1], last[k, 1] + 1):
+                members[i * int(shape[1]) + j].append(int(k))
+    start = np.concatenate([[0], np.cumsum([len(cell_items) for cell_items in members])]).astype(np.int64)
+    items = np.array([k for cell_items in members for k in cell_items], dtype=np.int64)
+    return Ground(
+        np.array(planes, dtype=float).reshape(-1, 6), solid, triangles, vertices, corner, cell, shape, start, items
+    )
+
+
+@compiled
+def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
+    """Closest point of a triangle, and whether it lies inside (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    ax, ay, az = T[0], T[1], T[2]
+    ux, uy, uz = T[3] - ax, T[4] - ay, T[5] - az
+    wx, wy, wz = T[6] - ax, T[7] - ay, T[8] - az
+    qx, qy, qz = px - ax, py - ay, pz - az
+    d1, d2 = ux * qx + uy * qy + uz * qz, wx * qx + wy * qy + wz * qz
+    if d1 <= 0.0 and d2 <= 0.0:
+        return ax, ay, az, False
+    uu, uw, ww = ux * ux + uy * uy + uz * uz, ux * wx + uy * wy + uz * wz, wx * wx + wy * wy + wz * wz
+    d3, d4 = d1 - uu, d2 - uw
+    if d3 >= 0.0 and d4 <= d3:
+        return T[3], T[4], T[5], False
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        s = d1 / (d1 - d3)
+        return ax + s * ux, ay + s * uy, az + s * uz, False
+    d5, d6 = d1 - uw, d2 - ww
+    if d6 >= 0.0 and d5 <= d6:
+        return T[6], T[7], T[8], False
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        s = d2 / (d2 - d6)
+        return ax + s * wx, ay + s * wy, az + s * wz, False
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        s = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return T[3] + s * (wx - ux), T[4] + s * (wy - uy), T[5] + s * (wz - uz), False
+    total = 1.0 / (va + vb + vc)
+    s, t = vb * total, vc * total
+    return ax + s * ux + t * wx, ay + s * uy + t * wy, az + s * uz + t * wz, True
+
+
+@compiled
+def _box_distance(B: Array, x: float, y: float, z: float) -> float:
+    """Distance from a point to a box, 0 inside."""
+    dx, dy, dz = max(B[0] - x, 0.0, x - B[3]), max(B[1] - y, 0.0, y - B[4]), max(B[2] - z, 0.0, z - B[5])
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@compiled
+def _candidate(ground: Ground, item: int, x: float, y: float, z: float, row: Array) -> None:
+    """Closest point (3), direction from it (3) and signed distance of one shape, into ``row`` (7,)."""
+    if item < ground.boxes.shape[0]:
+        B = ground.boxes[item]
+        cx, cy, cz = min(max(x, B[0]), B[3]), min(max(y, B[1]), B[4]), min(max(z, B[2]), B[5])
+        dx, dy, dz = x - cx, y - cy, z - cz
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance > 0.0:
+            row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
+        else:
+            # The centre is inside: out through the nearest face, but for the bottom.
+            distance, row[3], row[4], row[5] = z - B[5], 0.0, 0.0, 1.0
+            cz = B[5]
+            for axis in range(2):
+                c = x if axis == 0 else y
+                for side in range(2):
+                    depth = B[axis] - c if side == 0 else c - B[3 + axis]
+                    if depth > distance:
+                        sign = -1.0 if side == 0 else 1.0
+                        distance, row[3], row[4], row[5] = depth, 0.0, 0.0, 0.0
+                        row[3 + axis] = sign
+            cx, cy, cz = x - distance * row[3], y - distance * row[4], z - distance * row[5]
+    else:
+        T = ground.triangles[item - ground.boxes.shape[0]]
+        cx, cy, cz, inside = _nearest_on_triangle(T, x, y, z)
+        dx, dy, dz = x - cx, y - cy, z - cz
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        below = dx * T[9] + dy * T[10] + dz * T[11] < 0.0
+        if inside or distance <= _SAME:
+            row[3], row[4], row[5] = T[9], T[10], T[11]
+            distance = -distance if below else distance
+        elif below:
+            distance = np.inf  # seen from behind, past its edge: a neighbour's business
+        else:
+            row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
+    row[0], row[1], row[2], row[6] = cx, cy, cz, distance
+
+
+@compiled
+def _under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
+    """Like ``_candidate`` for a point that may be under ground: the triangle's plane, if the point is over or under it."""
+    row[6] = np.inf
+    for k in range(3):
+        a, b = 3 * k, 3 * ((k + 1) % 3)
+        if (T[b] - T[a]) * (y - T[a + 1]) - (T[b + 1] - T[a + 1]) * (x - T[a]) < 0.0:
+            return
+    distance = (x - T[0]) * T[9] + (y - T[1]) * T[10] + (z - T[2]) * T[11]
+    row[0], row[1], row[2] = x - distance * T[9], y - distance * T[10], z - distance * T[11]
+    row[3], row[4], row[5], row[6] = T[9], T[10], T[11], distance
+
+
+@compiled
+def _on_shape(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
+    """Whether a point belongs to a box or triangle."""
+    if item < ground.boxes.shape[0]:
+        return _box_distance(ground.boxes[item], x, y, z) <= _SAME
+    cx, cy, cz, _ = _nearest_on_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z)
+    return (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2 <= _SAME * _SAME
+
+
+@compiled
+def _cells(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """First and last cell (i, j) within ``reach`` of a point; empty outside the grid."""
+    i0 = max(int(np.floor((x - reach - ground.corner[0]) / ground.cell)), 0)
+    i1 = min(int(np.floor((x + reach - ground.corner[0]) / ground.cell)), ground.shape[0] - 1)
+    j0 = max(int(np.floor((y - reach - ground.corner[1]) / ground.cell)), 0)
+    j1 = min(int(np.floor((y + reach - ground.corner[1]) / ground.cell)), ground.shape[1] - 1)
+    return i0, i1, j0, j1
+
+
+@compiled
+def sphere_contacts(
+    ground: Ground,
+    body: int,
+    group: int,
+    number: int,
+    x: float,
+    y: float,
+    z: float,
+    radius: float,
+    margin: float,
+    contacts: Contacts,
+    count: int,
+) -> int:
+    """Append the contacts of a sphere with gaps up to ``margin``; returns the new count.
+
+    A box corner is a sphere of radius 0; it looks at planes and triangles only.
+    """
+    shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
+    for k in range(ground.planes.shape[0]):
+        P = ground.planes[k]
+        gap = (x - P[0]) * P[3] + (y - P[1]) * P[4] + (z - P[2]) * P[5] - radius
+        if gap <= margin and count < contacts.gap.size:
+            contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
+            for a in range(3):
+                contacts.normal[count, a] = P[3 + a]
+            contacts.point[count, 0] = x - (radius + gap) * P[3]
+            contacts.point[count, 1] = y - (radius + gap) * P[4]
+            contacts.point[count, 2] = z - (radius + gap) * P[5]
+            contacts.gap[count], contacts.group[count] = gap, group
+            contacts.key[count] = number * (shapes + 16) + shapes + k
+            count += 1
+    if shapes == 0:
+        return count
+    rows, which, found = np.empty((_CANDIDATES, 7)), np.empty(_CANDIDATES, dtype=np.int64), 0
+    reach = radius + margin
+    i0, i1, j0, j1 = _cells(ground, x, y, reach)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            c = i * ground.shape[1] + j
+            for index in range(ground.start[c], ground.start[c + 1]):
+                item = ground.items[index]
+                if item >= shapes or (radius == 0.0 and item < ground.boxes.shape[0]):
+                    continue
+                seen = False
+                for k in range(found):
+                    seen = seen or which[k] == item
+                if seen or found == _CANDIDATES:
+                    continue
+                if radius == 0.0:
+                    _under_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z, rows[found])
+                else:
+                    _candidate(ground, item, x, y, z, rows[found])
+                if rows[found, 6] - radius <= margin:
+                    which[found] = item
+                    found += 1
+    for k in range(found):
+        keep = True
+        for other in range(found):
+            if other == k or not keep:
+                continue
+            closer = rows[other, 6] < rows[k, 6] - _SAME or (rows[other, 6] <= rows[k, 6] + _SAME and other < k)
+            if closer and _on_shape(ground, which[other], rows[k, 0], rows[k, 1], rows[k, 2]):
+                keep = False
+        if keep and count < contacts.gap.size:
+            contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
+            for a in range(3):
+                contacts.point[count, a], contacts.normal[count, a] = rows[k, a], rows[k, 3 + a]
+            contacts.gap[count], contacts.group[count] = rows[k, 6] - radius, group
+            contacts.key[count] = number * (shapes + 16) + which[k]
+            count += 1
+    return count
+
+
+@compiled
+def vertex_contacts(
+    ground: Ground,
+    body: int,
+    group: int,
+    number: int,
+    R: Array,
+    center: Array,
+    half: Array,
+    margin: float,
+    contacts: Contacts,
+    count: int,
+) -> int:
+    """Append the ground's peaks that poke into a body's box of half sizes ``half`` (3,), posed in the world."""
+    shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
+    spread = np.empty(3)
+    for a in range(3):
+        spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
+    i0, i1, j0, j1 = _cells(ground, center[0], center[1], max(spread[0], spread[1]))
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            c = i * ground.shape[1] + j
+            for index in range(ground.start[c], ground.start[c + 1]):
+                item = ground.items[index] - shapes
+                if item < 0:
+                    continue
+                V = ground.vertices[item]
+                if abs(V[2] - center[2]) > spread[2] or count >= contacts.gap.size:
+                    continue
+                depth, axis, sign = np.inf, 0, 1.0
+                for a in range(3):
+                    local = 0.0
+                    for b in range(3):
+                        local += R[b, a] * (V[b] - center[b])
+                    distance = half[a] - abs(local)
+                    if distance < depth:
+                        depth, axis, sign = distance, a, 1.0 if local > 0.0 else -1.0
+                if depth < -margin:
+                    continue
+                contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
+                for b in range(3):
+                    contacts.point[count, b] = V[b]
+                    contacts.normal[count, b] = -sign * R[b, axis]
+                contacts.gap[count], contacts.group[count] = -depth, group
+                contacts.key[count] = -1
+                count += 1
+    return count

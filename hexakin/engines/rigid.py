@@ -1,0 +1,104 @@
+"""The rigid engine: Moreau time stepping with exact Coulomb friction on the robot's Pinocchio model."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.compiled import announced
+from hexakin.dynamics import build_model, configuration, pin
+from hexakin.engines.base import Engine, Reading
+from hexakin.engines.moreau import Cuboid, MoreauStepper, Servos, Sphere
+from hexakin.exceptions import InvalidInputError
+from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_array, check_whole, pose
+
+
+class RigidEngine(Engine):
+    """A robot under ``MoreauStepper``: feet are spheres, torso and limbs boxes, as in the robot's URDF.
+
+    The servo is PyBullet's: a motor that moves its joint at rate * (command - angle) within its torque limit. Here the
+    angle is that at the end of the step, so that a servo neither overshoots nor chatters at any step.
+    """
+
+    packages = ("pin", "coal", "numba")
+
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain,
+        *,
+        time_step: float = 0.001,
+        friction: float = 0.9,
+        restitution: float = 0.5,
+        restitution_law: Literal["poisson", "newton"] = "poisson",
+        restitution_threshold: float | None = None,
+        solver_tolerance: float = 1e-8,
+    ):
+        if robot.foot_radius == 0.0:
+            raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs feet that can touch")
+        self._robot = robot
+        model = build_model(robot)
+        names = [f"{joint}_{leg + 1}" for leg in range(robot.num_legs) for joint in robot.table.joints]
+        joints = tuple(model.getJointId(name) for name in names)
+        self._model = model
+        self._stepper = MoreauStepper(
+            model,
+            _shapes(robot, model, joints),
+            terrain,
+            servos=Servos(joints, robot.servo.rate, robot.servo.max_torque),
+            groups=robot.num_legs + 2,
+            time_step=time_step,
+            friction=friction,
+            restitution=restitution,
+            restitution_law=restitution_law,
+            restitution_threshold=restitution_threshold,
+            tolerance=solver_tolerance,
+        )
+
+    def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
+        """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
+        self._stepper.place(configuration(self._robot, T_world_body, q))
+
+    def advance(self, q_command: ArrayLike, num_steps: int) -> Reading:
+        """Drive the servos towards ``q_command`` (L, 3) [rad] for this many time steps and read the sensors."""
+        robot, stepper = self._robot, self._stepper
+        shape = (robot.num_legs, NUM_JOINTS)
+        command = check_array("q_command", q_command, shape, ("leg", "joint"))
+        duration = check_whole("num_steps", num_steps, at_least=1) * stepper.time_step
+        with announced("the rigid engine"):
+            sums = stepper.advance(num_steps, command)
+        rotation = pin.Quaternion(stepper.q[3:7]).toRotationMatrix()
+        force = sums.normal_impulse / duration
+        return Reading(
+            T_world_body=pose(rotation, stepper.q[:3]),
+            body_velocity=rotation @ stepper.v[:3],
+            body_angular_velocity=stepper.v[3:6].copy(),
+            q=stepper.q[7:].reshape(shape).copy(),
+            joint_torque=stepper.servo_torque.reshape(shape),
+            foot_force=force[: robot.num_legs],
+            torso_force=float(force[robot.num_legs]),
+            limb_force=float(force[robot.num_legs + 1]),
+            penetration=sums.penetration,
+        )
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+def _shapes(robot: Robot, model: pin.Model, joints: tuple[int, ...]) -> tuple[Sphere | Cuboid, ...]:
+    feet, torso, limbs = robot.num_legs, robot.num_legs, robot.num_legs + 1
+    shapes: list[Sphere | Cuboid] = [_box(model.getJointId("torso"), np.eye(4), robot.torso, torso)]
+    for leg in range(feet):
+        frames = robot.segment_poses(leg)
+        mine = joints[leg * NUM_JOINTS : (leg + 1) * NUM_JOINTS]
+        shapes += [_box(joint, T, robot.segments[name], limbs) for joint, T, name in zip(mine, frames, SEGMENT_NAMES)]
+        shapes.append(Sphere(mine[-1], robot.fixed_poses(leg)[-1][:3, 3], robot.foot_radius, leg))
+    return tuple(shapes)
+
+
+def _box(joint: int, T_joint_body: Array, body: Body, group: int) -> Cuboid:
+    return Cuboid(joint, T_joint_body @ pose(np.eye(3), body.center_of_mass), body.size, group)
