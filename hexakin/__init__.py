@@ -28,12 +28,13 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "dynamics", "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
+    "contact", "dynamics", "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
     "stability", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
     from hexakin import (
+        contact,
         dynamics,
         engines,
         exceptions,

@@ -10,7 +10,10 @@ import contextlib
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hexakin.exceptions import MissingPackageError
 
@@ -19,13 +22,14 @@ try:
 except ImportError as error:
     raise MissingPackageError("numba", "contact mechanics", "pip install numba") from error
 
+Whole = NDArray[np.int64]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _PATIENCE = 1.0  # [s] a cached start is faster than this
 
 
 def compiled(function: _Function) -> _Function:
     """Compile at the first call and keep the machine code beside the source (numba falls back to the user's cache)."""
-    return numba.njit(cache=True, error_model="numpy")(function)
+    return cast(_Function, numba.njit(cache=True, error_model="numpy")(function))
 
 
 @contextlib.contextmanager

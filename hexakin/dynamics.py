@@ -18,7 +18,7 @@ from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot, check_robot
 from hexakin.transforms import Array, check_array
 
 try:
-    import coal
+    import coal  # noqa: F401 (for the rigid engine)
     import pinocchio as pin
 except ImportError as error:
     raise MissingPackageError("pinocchio", "the dynamics", "pip install pin") from error

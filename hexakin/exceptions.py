@@ -101,3 +101,17 @@ class SimulationError(HexakinError, RuntimeError):
 
 class RecordingError(HexakinError, ValueError):
     """A recording cannot be read: truncated, not a recording, or of another format."""
+
+
+class ContactError(HexakinError, ArithmeticError):
+    """No impulses were found that satisfy the contact laws to the tolerance.
+
+    Attributes: ``residual`` reached and ``tolerance`` (relative), ``iterations`` made.
+    """
+
+    def __init__(self, residual: float, tolerance: float, iterations: int):
+        self.residual, self.tolerance, self.iterations = residual, tolerance, iterations
+        super().__init__(
+            f"contact problem not solved: relative residual {residual:.2g} after {iterations} iterations, "
+            f"tolerance {tolerance:.2g}"
+        )

@@ -1,1 +1,5 @@
 """Contact mechanics: Coulomb friction with the exact cone and with the paper's polyhedron (A section 3.1)."""
+
+from hexakin.contact.problem import ContactProblem, ContactSolution, Residuals, solve
+
+__all__ = ["ContactProblem", "ContactSolution", "Residuals", "solve"]

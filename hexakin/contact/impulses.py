@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.compiled import compiled
+from hexakin.compiled import Whole, compiled
 from hexakin.contact.cone import solve_cone
+from hexakin.contact.lcp import solve_polyhedron
 from hexakin.transforms import Array
 
 HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
@@ -38,7 +39,7 @@ def _cholesky(A: Array) -> bool:
 
 
 @compiled
-def _project(M: Array, r: Array, rows: Array, free: Array, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
+def _project(M: Array, r: Array, rows: Array, free: Whole, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
     """Put L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y, g = Y^T y over the free coordinates; false if singular."""
     count, size = free.size, g.size
     for a in range(count):
@@ -73,7 +74,7 @@ def _project(M: Array, r: Array, rows: Array, free: Array, L: Array, Y: Array, y
 
 
 @compiled
-def _velocities(free: Array, L: Array, Y: Array, y: Array, p: Array, v: Array) -> None:
+def _velocities(free: Whole, L: Array, Y: Array, y: Array, p: Array, v: Array) -> None:
     """Put v = L^-T (y + Y p) into the free coordinates."""
     count = free.size
     for a in range(count):
@@ -104,25 +105,28 @@ def solve_impulses(
     mu: Array,
     bias: Array,
     p_min: Array,
-    servo: Array,
+    servo: Whole,
     target: Array,
     low: Array,
     high: Array,
-    state: Array,
+    state: Whole,
     p: Array,
     s: Array,
     u: Array,
     v: Array,
+    facets: int,
     compliance: float,
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Solve in place for p (3 n,), s (m,), contact velocities u (3 n,) and v (nv,); only M's upper triangle is read.
+    """Solve in place for p (3 n,), s (m,), contact velocities u (3 n,) and v (nv,).
 
     ``servo`` (m,) are the coordinates that have a servo, ``target`` their velocities, ``low`` and ``high`` their
     impulses' limits, ``state`` (m,) which of them hold: first guess and result. ``bias`` (n,) is added to the
-    normal velocities, and to u. ``compliance``, a share of the mean of G's diagonal, is added to that diagonal: among the many
-    ways to share a load between redundant contacts it selects the most even one. Returns the residual of ``solve_cone`` and the sweeps.
+    normal velocities, and to u. ``facets`` is the number of the friction polyhedron's, or 0 for the exact cone.
+    ``compliance``, a share of the mean of G's diagonal, is added to that diagonal: among the many ways to share a load
+    between redundant contacts it selects the most even one. Returns the residual and the sweeps (or pivots) of the
+    contact solver.
     """
     nv, m, size, contacts = r.size, servo.size, p.size, mu.size
     slot = np.full(nv, -1, dtype=np.int64)
@@ -147,9 +151,8 @@ def solve_impulses(
         for j in range(m):
             if state[j] == HOLDS:
                 k = servo[j]
-                for a in range(count):
-                    i = free[a]
-                    known[i] -= (M[i, k] if i <= k else M[k, i]) * v[k]
+                for i in range(nv):
+                    known[i] -= M[k, i] * v[k]
         if not _project(M, known, J, free[:count], L, Y, y, G, g):
             return np.inf, sweeps
         for c in range(contacts):
@@ -159,7 +162,10 @@ def solve_impulses(
             if state[j] == HOLDS:
                 for i in range(size):
                     g[i] += J[i, servo[j]] * target[j]
-        residual, used = solve_cone(G, g, mu, p_min, none, none, p, u, tolerance, max_sweeps)
+        if facets == 0:
+            residual, used = solve_cone(G, g, mu, p_min, none, none, p, u, tolerance, max_sweeps)
+        else:
+            residual, used = solve_polyhedron(G, g, mu, p_min, none, none, facets, p, u, tolerance, max_sweeps)
         sweeps += used
         _velocities(free[:count], L, Y, y, p, v)
         changed = False
@@ -168,7 +174,7 @@ def solve_impulses(
             if state[j] == HOLDS:
                 value = -r[i]
                 for k in range(nv):
-                    value += (M[i, k] if i <= k else M[k, i]) * v[k]
+                    value += M[i, k] * v[k]
                 for k in range(size):
                     value -= J[k, i] * p[k]
                 s[j] = value
@@ -198,9 +204,95 @@ def solve_impulses(
     _soften(G, size, compliance)
     for j in range(m):
         g[size + j] -= target[j]
-    residual, used = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+    if facets == 0:
+        residual, used = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+    else:
+        residual, used = solve_polyhedron(G, g, mu, p_min, low, high, facets, x, w, tolerance, max_sweeps)
     _velocities(free, L, Y, y, x, v)
     p[:], s[:], u[:] = x[:size], x[size:], w[:size]
     for j in range(m):
         state[j] = AT_HIGH if s[j] >= high[j] else AT_LOW if s[j] <= low[j] else HOLDS
     return residual, sweeps + used
+
+
+@compiled
+def solve_impact(
+    M: Array,
+    r: Array,
+    J: Array,
+    mu: Array,
+    bias: Array,
+    strikes: Whole,
+    approach: Array,
+    restitution: float,
+    poisson: bool,
+    servo: Whole,
+    target: Array,
+    limit: Array,
+    state: Whole,
+    p: Array,
+    compression: Array,
+    s: Array,
+    u: Array,
+    v: Array,
+    facets: int,
+    compliance: float,
+    tolerance: float,
+    max_sweeps: int,
+) -> tuple[float, int]:
+    """``solve_impulses`` with restitution of the contacts that strike; ``limit`` (m,) bounds the servos' impulses.
+
+    ``strikes`` (n,) is 1 where a contact bounces, ``approach`` (n,) are the normal velocities before. Newton's law
+    asks for u_n >= -xi approach at once. Poisson's first compresses (A(4)), then expands with impulses of its own, at
+    least xi of each ``compression`` (3 n,) impulse (A(5)-(6), A-E6 corrected); p receives the sum of both, u the
+    velocities after.
+    """
+    n, m, nv = mu.size, servo.size, r.size
+    p_min, bounces = np.zeros(n), False
+    for i in range(n):
+        if strikes[i] and restitution > 0.0:
+            bounces = True
+            if not poisson:
+                bias[i] = restitution * approach[i]
+    residual, sweeps = solve_impulses(
+        M,
+        r,
+        J,
+        mu,
+        bias,
+        p_min,
+        servo,
+        target,
+        -limit,
+        limit,
+        state,
+        p,
+        s,
+        u,
+        v,
+        facets,
+        compliance,
+        tolerance,
+        max_sweeps,
+    )
+    compression[:] = p
+    if bounces and poisson:
+        extra, more, hold, kept = np.zeros(3 * n), np.zeros(m), state.copy(), np.empty(nv)
+        for i in range(n):
+            if strikes[i]:
+                p_min[i] = restitution * p[3 * i + 2]
+        for i in range(nv):
+            kept[i] = 0.0
+            for k in range(nv):
+                kept[i] += M[i, k] * v[k]
+        # A servo's two impulses together keep to its limit.
+        second, used = solve_impulses(
+            M, kept, J, mu, bias, p_min, servo, target, -limit - s, limit - s, hold, extra, more, u, v,
+            facets, compliance, tolerance, max_sweeps,
+        )  # fmt: skip
+        residual, sweeps = max(residual, second), sweeps + used
+        for i in range(3 * n):
+            p[i] += extra[i]
+        for j in range(m):
+            s[j] += more[j]
+    return residual, sweeps

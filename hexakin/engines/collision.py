@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hexakin.compiled import compiled
+from hexakin.compiled import Whole, compiled
 from hexakin.exceptions import InvalidInputError
 from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
 from hexakin.transforms import Array
@@ -24,10 +23,11 @@ _SAME = 1e-9  # [m] points this close are one
 class Ground(NamedTuple):
     """A terrain for the compiled search.
 
-    ``planes`` (k, 6): point and normal. ``boxes`` (b, 6): lower and upper corner. ``triangles`` (t, 12): three vertices
-    and the normal. ``vertices`` (w, 3) of the triangles. Boxes, triangles and vertices, in this order of numbers, lie in
-    the square cells that their footprints meet: ``items[start[c]:start[c + 1]]`` of cell c = i * shape[1] + j,
-    with the grid's ``corner`` (x, y) and ``cell`` size [m].
+    ``planes`` (k, 6): point and normal. ``boxes`` (b, 6): lower and upper corner. ``triangles`` (t, 12): three
+    vertices and the normal. ``vertices`` (w, 3) of the triangles. Boxes, triangles and vertices, in this order of
+    numbers, lie in the square cells that their footprints meet: ``items[start[c]:start[c + 1]]`` of cell
+    c = i * shape[1] + j, with the grid's ``corner`` (x, y) and ``cell`` size [m]; ``top`` (cells,) is the highest point
+    of each.
     """
 
     planes: Array
@@ -36,23 +36,26 @@ class Ground(NamedTuple):
     vertices: Array
     corner: Array
     cell: float
-    shape: NDArray[np.int64]
-    start: NDArray[np.int64]
-    items: NDArray[np.int64]
+    shape: Whole
+    start: Whole
+    items: Whole
+    top: Array
 
 
 class Contacts(NamedTuple):
-    """Contacts found: ``bodies`` (c, 2) that touch (-1 is the ground), ``point`` and ``normal`` (c, 3) from the second to
-    the first in the world, ``gap`` (c,) [m], ``group`` (c,) that the first belongs to, and ``key`` (c,), the same
-    from step to step as long as the contact lasts.
+    """Contacts found.
+
+    ``bodies`` (c, 2) that touch (-1 is the ground), ``point`` and ``normal`` (c, 3) from the second to the first in the
+    world, ``gap`` (c,) [m], ``group`` (c,) that the first belongs to, and ``key`` (c,), the same from step to step as
+    long as the contact lasts, or -1.
     """
 
-    bodies: NDArray[np.int64]
+    bodies: Whole
     point: Array
     normal: Array
     gap: Array
-    group: NDArray[np.int64]
-    key: NDArray[np.int64]
+    group: Whole
+    key: Whole
 
 
 def empty_contacts(capacity: int) -> Contacts:
@@ -86,11 +89,9 @@ def compile_ground(terrain: Terrain) -> Ground:
     solid = np.array(boxes, dtype=float).reshape(-1, 6)
     low = np.concatenate([solid[:, :2], corners[:, :, :2].min(axis=1), vertices[:, :2]])
     high = np.concatenate([solid[:, 3:5], corners[:, :, :2].max(axis=1), vertices[:, :2]])
+    owners = range(len(low))
     if len(low) == 0:
         low = high = np.zeros((1, 2))
-        owners: Array = np.zeros(0)
-    else:
-        owners = np.arange(len(low))
     areal = (high - low).max(axis=1)
     areal = areal[areal > 0.0]
     corner = low.min(axis=0)
@@ -100,15 +101,16 @@ def compile_ground(terrain: Terrain) -> Ground:
     shape = np.floor(span / cell).astype(np.int64) + 1
     first, last = np.floor((low - corner) / cell).astype(int), np.floor((high - corner) / cell).astype(int)
     members: list[list[int]] = [[] for _ in range(int(shape[0] * shape[1]))]
-    for k in owners.astype(int):
+    for k in owners:
         for i in range(first[k, 0], last[k, 0] + 1):
             for j in range(first[k, 1], last[k, 1] + 1):
-                members[i * int(shape[1]) + j].append(int(k))
+                members[i * int(shape[1]) + j].append(k)
     start = np.concatenate([[0], np.cumsum([len(cell_items) for cell_items in members])]).astype(np.int64)
     items = np.array([k for cell_items in members for k in cell_items], dtype=np.int64)
-    return Ground(
-        np.array(planes, dtype=float).reshape(-1, 6), solid, triangles, vertices, corner, cell, shape, start, items
-    )
+    heights = np.concatenate([solid[:, 5], corners[:, :, 2].max(axis=1), vertices[:, 2]])
+    top = np.array([max((heights[k] for k in cell_items), default=-np.inf) for cell_items in members])
+    half_spaces = np.array(planes, dtype=float).reshape(-1, 6)
+    return Ground(half_spaces, solid, triangles, vertices, corner, cell, shape, start, items, top)
 
 
 @compiled
@@ -193,7 +195,7 @@ def _candidate(ground: Ground, item: int, x: float, y: float, z: float, row: Arr
 
 @compiled
 def _under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
-    """Like ``_candidate`` for a point that may be under ground: the triangle's plane, if the point is over or under it."""
+    """Like ``_candidate`` for a point that may be under ground: the plane of the triangle over or under it."""
     row[6] = np.inf
     for k in range(3):
         a, b = 3 * k, 3 * ((k + 1) % 3)
@@ -302,7 +304,6 @@ def vertex_contacts(
     ground: Ground,
     body: int,
     group: int,
-    number: int,
     R: Array,
     center: Array,
     half: Array,
@@ -343,4 +344,49 @@ def vertex_contacts(
                 contacts.gap[count], contacts.group[count] = -depth, group
                 contacts.key[count] = -1
                 count += 1
+    return count
+
+
+@compiled
+def box_near(ground: Ground, center: Array, radius: float) -> bool:
+    """Whether the ground may reach into a sphere around a box."""
+    for k in range(ground.planes.shape[0]):
+        P = ground.planes[k]
+        if (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5] <= radius:
+            return True
+    if ground.items.size > 0:
+        i0, i1, j0, j1 = _cells(ground, center[0], center[1], radius)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                if ground.top[i * ground.shape[1] + j] >= center[2] - radius:
+                    return True
+    return False
+
+
+@compiled
+def box_pairs(
+    ground: Ground, box: int, R: Array, center: Array, half: Array, margin: float, pairs: Whole, count: int
+) -> int:
+    """Append (box, ground's box) for every box of the ground that meets the bounding box of a body's box."""
+    spread = np.empty(3)
+    for a in range(3):
+        spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
+    i0, i1, j0, j1 = _cells(ground, center[0], center[1], max(spread[0], spread[1]))
+    first = count
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            c = i * ground.shape[1] + j
+            for index in range(ground.start[c], ground.start[c + 1]):
+                item = ground.items[index]
+                if item >= ground.boxes.shape[0] or count >= pairs.shape[0]:
+                    continue
+                B = ground.boxes[item]
+                near = True
+                for a in range(3):
+                    near = near and B[a] <= center[a] + spread[a] and center[a] - spread[a] <= B[3 + a]
+                for old in range(first, count):
+                    near = near and pairs[old, 1] != item
+                if near:
+                    pairs[count, 0], pairs[count, 1] = box, item
+                    count += 1
     return count

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.compiled import announced
 from hexakin.dynamics import build_model, configuration, pin
 from hexakin.engines.base import Engine, Reading
-from hexakin.engines.moreau import Cuboid, MoreauStepper, Servos, Sphere
+from hexakin.engines.shapes import Cuboid, Sphere
+from hexakin.engines.stepper import MoreauStepper, Servos
 from hexakin.exceptions import InvalidInputError
 from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot
 from hexakin.terrain import Terrain
@@ -36,6 +36,7 @@ class RigidEngine(Engine):
         restitution: float = 0.5,
         restitution_law: Literal["poisson", "newton"] = "poisson",
         restitution_threshold: float | None = None,
+        facets: int | None = None,
         solver_tolerance: float = 1e-8,
     ):
         if robot.foot_radius == 0.0:
@@ -56,6 +57,7 @@ class RigidEngine(Engine):
             restitution=restitution,
             restitution_law=restitution_law,
             restitution_threshold=restitution_threshold,
+            facets=facets,
             tolerance=solver_tolerance,
         )
 
@@ -69,15 +71,15 @@ class RigidEngine(Engine):
         shape = (robot.num_legs, NUM_JOINTS)
         command = check_array("q_command", q_command, shape, ("leg", "joint"))
         duration = check_whole("num_steps", num_steps, at_least=1) * stepper.time_step
-        with announced("the rigid engine"):
-            sums = stepper.advance(num_steps, command)
-        rotation = pin.Quaternion(stepper.q[3:7]).toRotationMatrix()
+        sums = stepper.advance(num_steps, command)
+        q, v = stepper.q, stepper.v
+        rotation = pin.Quaternion(q[3:7]).toRotationMatrix()
         force = sums.normal_impulse / duration
         return Reading(
-            T_world_body=pose(rotation, stepper.q[:3]),
-            body_velocity=rotation @ stepper.v[:3],
-            body_angular_velocity=stepper.v[3:6].copy(),
-            q=stepper.q[7:].reshape(shape).copy(),
+            T_world_body=pose(rotation, q[:3]),
+            body_velocity=rotation @ v[:3],
+            body_angular_velocity=v[3:6],
+            q=q[7:].reshape(shape),
             joint_torque=stepper.servo_torque.reshape(shape),
             foot_force=force[: robot.num_legs],
             torso_force=float(force[robot.num_legs]),
@@ -95,7 +97,10 @@ def _shapes(robot: Robot, model: pin.Model, joints: tuple[int, ...]) -> tuple[Sp
     for leg in range(feet):
         frames = robot.segment_poses(leg)
         mine = joints[leg * NUM_JOINTS : (leg + 1) * NUM_JOINTS]
-        shapes += [_box(joint, T, robot.segments[name], limbs) for joint, T, name in zip(mine, frames, SEGMENT_NAMES)]
+        shapes += [
+            _box(joint, T, robot.segments[name], limbs)
+            for joint, T, name in zip(mine, frames, SEGMENT_NAMES, strict=True)
+        ]
         shapes.append(Sphere(mine[-1], robot.fixed_poses(leg)[-1][:3, 3], robot.foot_radius, leg))
     return tuple(shapes)
 

@@ -1,0 +1,191 @@
+"""The contact problem of one time step or impact: its data, its solution and how wrong that is (A section 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.compiled import announced
+from hexakin.contact.impulses import solve_impact
+from hexakin.exceptions import ContactError, InvalidInputError, UnknownNameError
+from hexakin.transforms import Array, check_array, check_number, check_whole, read_only
+
+LAWS = ("poisson", "newton")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """Find v, p and s in M v = r + J^T p + S^T s (A(4), with A-E5 and A-E7 corrected).
+
+    ``mass`` M (nv, nv); ``momentum`` r (nv,) = M v_before + h f, what all known forces would leave; ``jacobian`` J
+    (n, 3, nv), for each contact the rows of two tangents and the normal; ``friction`` (n,) coefficients. ``gap_rate``
+    (n,) [m/s] is added to the normal velocities: gap / h lets a contact close. ``approach`` (n,) [m/s] are the normal
+    velocities before, which the laws of restitution need; contacts that separate (>= 0) do not bounce.
+
+    ``servo`` (m,) are coordinates driven to ``servo_velocity`` (m,) by impulses of at most ``servo_limit`` (m,).
+    Scalars stand for all contacts or servos. Raises InvalidInputError, naming the field, for what does not fit.
+    """
+
+    mass: Array
+    momentum: Array
+    jacobian: Array
+    friction: ArrayLike = 0.9
+    gap_rate: ArrayLike = 0.0
+    approach: ArrayLike = 0.0
+    servo: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    servo_velocity: ArrayLike = 0.0
+    servo_limit: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        momentum = check_array("momentum", self.momentum, ())
+        if momentum.ndim != 1:
+            raise InvalidInputError(f"momentum: expected shape (nv,), got {momentum.shape}")
+        nv = len(momentum)
+        mass = check_array("mass", self.mass, (nv, nv))
+        jacobian = check_array("jacobian", self.jacobian, (3, nv))
+        if jacobian.ndim != 3:
+            raise InvalidInputError(f"jacobian: expected shape (n, 3, {nv}), got {jacobian.shape}")
+        if np.abs(mass - mass.T).max(initial=0.0) > 1e-9 * np.abs(mass).max(initial=1e-300):
+            raise InvalidInputError("mass: not symmetric")
+        try:
+            np.linalg.cholesky(mass)
+        except np.linalg.LinAlgError as error:
+            raise InvalidInputError("mass: not positive definite") from error
+        servo = np.asarray(self.servo)
+        if servo.ndim != 1 or (len(servo) and not np.issubdtype(servo.dtype, np.integer)):
+            raise InvalidInputError(f"servo: expected coordinate numbers (m,), got {self.servo!r:.80}")
+        if len(servo) and (servo.min() < 0 or servo.max() >= nv or len(set(servo.tolist())) < len(servo)):
+            raise InvalidInputError(f"servo: expected different coordinates from 0 to {nv - 1}, got {servo.tolist()}")
+        values = {"mass": mass, "momentum": momentum, "jacobian": jacobian}
+        for name, count in (("friction", len(jacobian)), ("gap_rate", len(jacobian)), ("approach", len(jacobian)),
+                            ("servo_velocity", len(servo)), ("servo_limit", len(servo))):  # fmt: skip
+            value = check_array(name, getattr(self, name), ())
+            if value.shape not in ((), (count,)):
+                raise InvalidInputError(f"{name}: expected a number or shape ({count},), got {value.shape}")
+            values[name] = np.broadcast_to(value, (count,))
+            if name in ("friction", "servo_limit") and (values[name] < 0.0).any():
+                raise InvalidInputError(f"{name}: {values[name].min():g}, expected at least 0")
+        for name, value in values.items():
+            object.__setattr__(self, name, read_only(value))
+        object.__setattr__(self, "servo", servo.astype(np.int64))
+
+    @property
+    def delassus(self) -> Array:
+        """Delassus matrix J M^-1 J^T (3 n, 3 n) [1/kg] of the contacts."""
+        J = self.jacobian.reshape(-1, len(self.momentum))
+        return J @ np.linalg.solve(self.mass, J.T)
+
+
+class Residuals(NamedTuple):
+    """How far a solution is from Coulomb's law, relative to the largest impulse and the fastest free contact velocity.
+
+    ``gap``: normal velocity into the ground. ``complementarity``: normal impulse times separating velocity.
+    ``cone``: friction beyond its bound. ``dissipation``: power that friction fails to take out (maximum dissipation).
+    ``solver``: the natural residual, which bounds them all and decides; of the worse phase, if there are two.
+    """
+
+    gap: float
+    complementarity: float
+    cone: float
+    dissipation: float
+    solver: float
+
+
+class ContactSolution(NamedTuple):
+    """Impulses and velocities after the step.
+
+    ``impulse`` (n, 3) [N s] along the two tangents and the normal, ``compression`` (n, 3) the part before Poisson's
+    expansion (all of it otherwise), ``servo_impulse`` (m,) [N m s], ``velocity`` (nv,), ``contact_velocity`` (n, 3)
+    [m/s], and the ``iterations`` (sweeps or pivots).
+    """
+
+    impulse: Array
+    compression: Array
+    servo_impulse: Array
+    velocity: Array
+    contact_velocity: Array
+    residuals: Residuals
+    iterations: int
+
+
+def check_facets(facets: int | None) -> int:
+    """Return the number of facets, 0 for the exact cone; raise InvalidInputError unless even and at least 4."""
+    if facets is None:
+        return 0
+    if check_whole("facets", facets, at_least=4) % 2:
+        raise InvalidInputError(f"facets: {facets}, expected an even number, so that every direction has its opposite")
+    return int(facets)
+
+
+def solve(
+    problem: ContactProblem,
+    *,
+    facets: int | None = None,
+    restitution: float = 0.0,
+    law: Literal["poisson", "newton"] = "poisson",
+    compliance: float = 0.0,
+    tolerance: float = 1e-9,
+    max_iterations: int = 5000,
+) -> ContactSolution:
+    """Solve a contact problem with the exact friction cone, or with the paper's polyhedron of ``facets`` (A(7)-(10)).
+
+    The polyhedron's first generator lies along each contact's first tangent; it is inscribed in the cone.
+    ``restitution`` applies to contacts with ``approach`` < 0, by Poisson's or Newton's ``law``. ``compliance`` > 0
+    shares loads evenly over redundant contacts at a residual of that order.
+
+    Raises ContactError if the natural residual stays above ``tolerance``.
+    """
+    if law not in LAWS:
+        raise UnknownNameError("law", law, sorted(LAWS))
+    sides = check_facets(facets)
+    check_number("restitution", restitution, at_least=0.0, at_most=1.0)
+    check_number("compliance", compliance, at_least=0.0)
+    check_number("tolerance", tolerance, above=0.0)
+    check_whole("max_iterations", max_iterations, at_least=1)
+    n, m, nv = len(problem.jacobian), len(problem.servo), len(problem.momentum)
+    J = problem.jacobian.reshape(3 * n, nv).copy()
+    mu, limit, approach = (np.array(a) for a in (problem.friction, problem.servo_limit, problem.approach))
+    bias = np.array(problem.gap_rate)
+    p, compression, u, s, v = np.zeros(3 * n), np.zeros(3 * n), np.zeros(3 * n), np.zeros(m), np.zeros(nv)
+    with announced("the contact solvers"):
+        residual, iterations = solve_impact(
+            problem.mass.copy(), problem.momentum.copy(), J, mu, bias, (approach < 0.0).astype(np.int64), approach,
+            float(restitution), law == "poisson", problem.servo, np.array(problem.servo_velocity), limit,
+            np.zeros(m, dtype=np.int64), p, compression, s, u, v, sides, float(compliance), float(tolerance),
+            max_iterations,
+        )  # fmt: skip
+    if not residual <= tolerance:
+        raise ContactError(residual, tolerance, iterations)
+    expanded = law == "poisson" and restitution > 0.0
+    least = restitution * compression[2::3] * (approach < 0.0) if expanded else np.zeros(n)
+    last = p - compression if expanded and (approach < 0.0).any() else p
+    free = J @ np.linalg.solve(problem.mass, problem.momentum)
+    residuals = _residuals(last.reshape(n, 3), u.reshape(n, 3), mu, least, free, sides, residual)
+    contact_velocity = (J @ v).reshape(n, 3)
+    return ContactSolution(
+        p.reshape(n, 3), compression.reshape(n, 3), s, v, contact_velocity, residuals, iterations
+    )  # fmt: skip
+
+
+def _residuals(p: Array, u: Array, mu: Array, least: Array, free: Array, facets: int, solver: float) -> Residuals:
+    impulse, speed = np.abs(p).max(initial=1e-300), max(np.abs(free).max(initial=0.0), 1e-300)
+    if facets:
+        angles = 2.0 * np.pi * np.arange(facets) / facets
+        normals = np.stack([np.cos(angles + np.pi / facets), np.sin(angles + np.pi / facets)])
+        generators = np.stack([np.cos(angles), np.sin(angles)])
+        beyond = (p[:, :2] @ normals).max(axis=1) - np.cos(np.pi / facets) * mu * p[:, 2]
+        slip = (-u[:, :2] @ generators).max(axis=1)
+    else:
+        beyond = np.linalg.norm(p[:, :2], axis=1) - mu * p[:, 2]
+        slip = np.linalg.norm(u[:, :2], axis=1)
+    missing = mu * p[:, 2] * slip + (p[:, :2] * u[:, :2]).sum(axis=1)
+    return Residuals(
+        gap=float(max(0.0, (-u[:, 2]).max(initial=0.0)) / speed),
+        complementarity=float(np.abs((p[:, 2] - least) * u[:, 2]).max(initial=0.0) / (impulse * speed)),
+        cone=float(max(0.0, beyond.max(initial=0.0)) / impulse),
+        dissipation=float(np.abs(missing).max(initial=0.0) / (impulse * speed)),
+        solver=float(solver),
+    )

@@ -1,0 +1,240 @@
+"""Rigid bodies on a terrain: a Pinocchio model, shapes on its joints and servos, marched by ``moreau``."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.compiled import announced
+from hexakin.contact.impulses import HOLDS
+from hexakin.contact.problem import check_facets
+from hexakin.dynamics import GRAVITY, pin
+from hexakin.engines.box_touch import BoxTouch
+from hexakin.engines.collision import compile_ground, empty_contacts
+from hexakin.engines.moreau import CAPACITY, Bodies, Law, State, march
+from hexakin.engines.shapes import Cuboid, Sphere
+from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_array, check_number, check_whole
+
+_HOPELESS = 1e-3  # relative residual at which a simulation stops
+
+
+class Servos(NamedTuple):
+    """Velocity servos: model ``joints``, each driven at ``rate`` [1/s] times its error, up to ``max_torque`` [N m]."""
+
+    joints: tuple[int, ...]
+    rate: float
+    max_torque: float
+
+
+class StepSums(NamedTuple):
+    """What a number of steps adds up to.
+
+    ``normal_impulse`` (g,) [N s] by group, ``servo_work`` and ``contact_work`` [J] (the latter is minus what contacts
+    dissipate), ``penetration`` [m] and ``residual`` of the contact solver, the largest of any step.
+    """
+
+    normal_impulse: Array
+    servo_work: float
+    contact_work: float
+    penetration: float
+    residual: float
+
+
+class MoreauStepper:
+    """Rigid bodies under gravity, servos and contact with a terrain.
+
+    ``time_step`` [s]; ``friction`` and ``restitution`` hold for every contact. ``restitution_law`` is ``"poisson"`` or
+    ``"newton"``; only contacts faster than ``restitution_threshold`` [m/s] bounce, by default 5 g h, a speed that rest
+    cannot reach. ``facets`` asks for the paper's friction polyhedron with so many instead of the exact cone.
+    ``groups`` is the number of groups that normal impulses are summed over.
+
+    ``compliance``, relative to the mean of the Delassus matrix' diagonal, spreads loads evenly over redundant
+    contacts; a loaded contact yields by about compliance * g * h [m/s]. ``tolerance`` bounds the solver's relative
+    residual: a step that misses it is counted in ``unsolved_steps``, and beyond 1e-3 SimulationError is raised.
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        shapes: tuple[Sphere | Cuboid, ...],
+        terrain: Terrain,
+        *,
+        servos: Servos | None = None,
+        groups: int = 1,
+        time_step: float = 0.001,
+        friction: float = 0.9,
+        restitution: float = 0.5,
+        restitution_law: Literal["poisson", "newton"] = "poisson",
+        restitution_threshold: float | None = None,
+        facets: int | None = None,
+        compliance: float = 1e-6,
+        tolerance: float = 1e-8,
+        max_sweeps: int = 2000,
+    ):
+        if restitution_law not in ("poisson", "newton"):
+            raise UnknownNameError("restitution_law", restitution_law, ["newton", "poisson"])
+        self.time_step = h = check_number("time_step", time_step, above=0.0, unit="s")
+        threshold = 5.0 * GRAVITY * h if restitution_threshold is None else restitution_threshold
+        self._law = Law(
+            h=h,
+            friction=check_number("friction", friction, at_least=0.0),
+            restitution=check_number("restitution", restitution, at_least=0.0, at_most=1.0),
+            poisson=restitution_law == "poisson",
+            threshold=check_number("restitution_threshold", threshold, at_least=0.0, unit="m/s"),
+            servo_rate=servos.rate if servos else 0.0,
+            servo_torque=servos.max_torque if servos else 0.0,
+            facets=check_facets(facets),
+            compliance=check_number("compliance", compliance, at_least=0.0),
+            tolerance=check_number("tolerance", tolerance, above=0.0),
+            max_sweeps=check_whole("max_sweeps", max_sweeps, at_least=1),
+            margin=(float(threshold) + 2.0 * GRAVITY * h) * h,
+        )
+        self._model, self._data = model, model.createData()
+        ground = compile_ground(terrain)
+        self._touch = BoxTouch(model, shapes, ground)
+        self._bodies = _bodies(model, shapes, servos, bool(self._touch.body_pairs))
+        count = len(self._bodies.servo)
+        self._state = State(
+            v=np.zeros(model.nv),
+            s=np.zeros(count),
+            hold=np.zeros(count, dtype=np.int64),
+            old_key=np.zeros(CAPACITY, dtype=np.int64),
+            old_impulse=np.zeros((CAPACITY, 3)),
+            old_count=np.zeros(1, dtype=np.int64),
+            found=np.zeros(1, dtype=np.int64),
+            impulse=np.zeros(groups),
+            sums=np.zeros(4),
+        )
+        self._q_half, self._command = pin.neutral(model), np.zeros(count)
+        self._contacts = empty_contacts(CAPACITY)
+        self._pairs = np.zeros((CAPACITY, 2), dtype=np.int64)
+        self.steps = self.unsolved_steps = 0
+        data = self._data
+        with announced("the rigid engine"):
+            self._march = march(
+                data.M, data.nle, data.J, _pose_view(model, data), self._q_half, self._command, self._bodies, ground,
+                self._contacts, self._pairs, self._law, self._state,
+            )  # fmt: skip
+
+    @property
+    def v(self) -> Array:
+        """Velocity (nv,), as Pinocchio has it."""
+        return self._state.v.copy()
+
+    @property
+    def q(self) -> Array:
+        """Configuration (nq,)."""
+        return pin.integrate(self._model, self._q_half, -0.5 * self.time_step * self._state.v)
+
+    @property
+    def servo_torque(self) -> Array:
+        """Torques (m,) [N m] of the servos in the last step."""
+        return self._state.s / self.time_step
+
+    def place(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
+        """Put the bodies into configuration ``q`` (nq,) with velocity ``v`` (nv,), at rest by default."""
+        state, model = self._state, self._model
+        state.v[:] = 0.0 if v is None else check_array("v", v, (model.nv,))
+        self._q_half[:] = pin.integrate(model, check_array("q", q, (model.nq,)), 0.5 * self.time_step * state.v)
+        state.s[:] = 0.0
+        state.hold[:] = HOLDS
+        state.old_count[0] = 0
+
+    def energy(self) -> float:
+        """Kinetic and potential energy [J]."""
+        q = self.q
+        kinetic = pin.computeKineticEnergy(self._model, self._data, q, self._state.v)
+        return float(kinetic + pin.computePotentialEnergy(self._model, self._data, q))
+
+    def advance(self, num_steps: int, command: ArrayLike | None = None) -> StepSums:
+        """Make time steps, the servos driven towards the angles ``command`` (m,) [rad].
+
+        Raises SimulationError, with the step's number and residual, when contact forces cannot be found or the state is
+        no longer finite.
+        """
+        model, data, q, v = self._model, self._data, self._q_half, self._state.v
+        state, loop, world = self._state, self._march, pin.Convention.WORLD
+        angles = np.zeros(0) if command is None else np.asarray(command, dtype=float).ravel()
+        if angles.shape != self._command.shape:
+            raise InvalidInputError(f"command: expected {self._command.size} angles, got {angles.size}")
+        self._command[:] = angles
+        state.impulse[:] = 0.0
+        state.sums[:] = 0.0
+        worst = 0.0
+        for _ in range(num_steps):
+            pin.crba(model, data, q, world)
+            pin.nonLinearEffects(model, data, q, v)
+            near = next(loop)
+            if near >= 0:
+                found = int(state.found[0])
+                state.found[0] = self._touch.add(data, self._pairs[:near], self._law.margin, self._contacts, found)
+                next(loop)
+            self.steps += 1
+            residual = float(state.sums[3])
+            if not residual <= self._law.tolerance:
+                self._unsolved(residual)
+            worst = max(worst, residual)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            self._unsolved(np.inf)
+        return StepSums(state.impulse.copy(), float(state.sums[0]), float(state.sums[1]), float(state.sums[2]), worst)
+
+    def _unsolved(self, residual: float) -> None:
+        self.unsolved_steps += 1
+        self._state.sums[3] = 0.0
+        if not residual <= _HOPELESS:
+            raise SimulationError(
+                f"rigid: no contact forces found at t = {self.steps * self.time_step:g} s (step {self.steps} of "
+                f"{self.time_step:g} s): relative residual {residual:.2g}, tolerance {self._law.tolerance:g}"
+            )
+
+
+def _pose_view(model: pin.Model, data: pin.Data) -> Array:
+    """View of data.oMi, (joints, 12): a row is a rotation, column by column, and a translation."""
+    # Pinocchio's results keep their memory, which the Python binding shows array by array only.
+    pin.crba(model, data, pin.neutral(model), pin.Convention.WORLD)
+    first = data.oMi[0].rotation.T
+    stride = data.oMi[1].rotation.ctypes.data - first.ctypes.data
+    poses = np.lib.stride_tricks.as_strided(first, (model.njoints, 12), (stride, first.itemsize))
+    if not np.array_equal(poses, [np.r_[T.rotation.T.ravel(), T.translation] for T in data.oMi]):
+        raise SimulationError(
+            "this version of pinocchio stores its placements in another order than engine 'rigid' knows"
+        )
+    return poses
+
+
+def _bodies(model: pin.Model, shapes: tuple[Sphere | Cuboid, ...], servos: Servos | None, meeting: bool) -> Bodies:
+    spheres = [shape for shape in shapes if isinstance(shape, Sphere)]
+    boxes = [shape for shape in shapes if isinstance(shape, Cuboid)]
+    moves = np.zeros((model.njoints, model.nv), dtype=np.bool_)
+    floating: list[list[int]] = []
+    hinges: list[list[int]] = []
+    for joint in range(1, model.njoints):
+        kind = model.joints[joint]
+        moves[joint] = moves[model.parents[joint]]
+        moves[joint, kind.idx_v : kind.idx_v + kind.nv] = True
+        (floating if kind.nq == 7 else hinges).append([kind.idx_q, kind.idx_v])
+        if (kind.nq, kind.nv) not in ((7, 6), (1, 1)):
+            raise InvalidInputError(f"model: joint {model.names[joint]!r} is neither free nor of one coordinate")
+    driven = [model.joints[joint] for joint in servos.joints] if servos else []
+    sizes = np.array([box.size for box in boxes], dtype=float).reshape(-1, 3)
+    centers = np.array([box.placement[:3, 3] for box in boxes]).reshape(-1, 3)
+    return Bodies(
+        sphere_joint=np.array([s.joint for s in spheres], dtype=np.int64),
+        sphere_group=np.array([s.group for s in spheres], dtype=np.int64),
+        sphere=np.array([[*s.center, s.radius] for s in spheres]).reshape(-1, 4),
+        box_joint=np.array([b.joint for b in boxes], dtype=np.int64),
+        box_group=np.array([b.group for b in boxes], dtype=np.int64),
+        box_rotation=np.ascontiguousarray(np.array([b.placement[:3, :3] for b in boxes]).reshape(-1, 3, 3)),
+        box=np.concatenate([centers, 0.5 * sizes], axis=1),
+        box_radius=0.5 * np.linalg.norm(sizes, axis=1),
+        moves=moves,
+        floating=np.array(floating, dtype=np.int64).reshape(-1, 2),
+        hinges=np.array(hinges, dtype=np.int64).reshape(-1, 2),
+        servo=np.array([joint.idx_v for joint in driven], dtype=np.int64),
+        servo_q=np.array([joint.idx_q for joint in driven], dtype=np.int64),
+        meeting=meeting,
+    )
