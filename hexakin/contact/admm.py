@@ -1,0 +1,105 @@
+"""Coulomb's law with the exact cone by Pinocchio's alternating directions (ADMM): a second opinion on our solvers.
+
+Carpentier, Le Lidec and Montaut, "From compliant to rigid contact simulation: a unified and efficient approach"
+(2024). The method adds De Saxce's term mu |u_t| to the normal velocities and so solves Coulomb's law itself, not its
+convex relaxation. Its own report of success is not used: it compares impulses and velocities with one absolute
+tolerance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.contact.cone import impulse_scales, natural_residual
+from hexakin.dynamics import pin
+from hexakin.exceptions import InvalidInputError
+from hexakin.transforms import Array, check_array, check_number, check_whole
+
+
+class AdmmSolution(NamedTuple):
+    """Impulses ``p`` and velocities ``u`` = G p + g (3 n + m,); the residual says whether they are a solution.
+
+    ``residual`` is the natural residual relative to the largest impulse, as ``hexakin.contact.cone.solve_cone`` gives
+    it; ``iterations`` are ADMM's.
+    """
+
+    p: Array
+    u: Array
+    residual: float
+    iterations: int
+
+
+def solve_admm(
+    G: ArrayLike,
+    g: ArrayLike,
+    mu: ArrayLike,
+    low: ArrayLike = (),
+    high: ArrayLike = (),
+    tolerance: float = 1e-11,
+    max_iterations: int = 20_000,
+) -> AdmmSolution:
+    """Solve the problem of ``hexakin.contact.cone.solve_cone`` with p_min = 0.
+
+    ``G`` (3 n + m, 3 n + m), ``g`` (3 n + m,), ``mu`` (n,), ``low`` and ``high`` (m,), contacts first, each in the
+    order t1, t2, n. ``tolerance`` is that of ADMM in its own scale, where the largest velocity is 1 and the diagonal
+    of G is about 1. Raises InvalidInputError on wrong shapes, friction below zero or low above high.
+    """
+    n, m = np.size(mu), np.size(low)
+    size = 3 * n + m
+    G, g = _checked("G", G, size, size), _checked("g", g, size)
+    mu, low, high = _checked("mu", mu, n), _checked("low", low, m), _checked("high", high, m)
+    check_number("tolerance", tolerance, above=0.0)
+    check_whole("max_iterations", max_iterations, at_least=1)
+    if (mu < 0.0).any():
+        raise InvalidInputError(f"mu: {mu.min():g}, expected at least 0")
+    if (low > high).any():
+        j = int(np.argmax(low > high))
+        raise InvalidInputError(f"low: {low[j]:g} of row {j + 1} is above high {high[j]:g}")
+    # One scale for each contact and servo: cones stay cones, and servos take a twentieth of the iterations.
+    step_length = np.empty(size)
+    least = impulse_scales(G, g, n, step_length)
+    d = np.sqrt(step_length)
+    unit = float(np.abs(d * g).max(initial=0.0))
+    if unit == 0.0:
+        return AdmmSolution(np.zeros(size), np.zeros(size), 0.0, 0)
+    models, datas = _constraints(mu, low / (unit * d[3 * n :]), high / (unit * d[3 * n :]))
+    settings = pin.ADMMSolverSettings()
+    settings.solve_ncp = True  # Coulomb's law, not its relaxation
+    settings.absolute_feasibility_tol = settings.absolute_complementarity_tol = tolerance
+    settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0
+    settings.max_iterations = max_iterations
+    settings.admm_update_rule = pin.ADMMUpdateRule.LINEAR  # the default rule fails on some redundant contacts
+    result = pin.ADMMSolverResult()
+    operator = pin.DelassusOperatorDense(d[:, None] * G * d)
+    pin.ADMMConstraintSolver(size).solve(operator, d * g / unit, models, datas, settings, result)
+    p = np.empty(size)
+    result.retrievePrimalSolution(p)
+    p *= unit * d
+    u = G @ p + g
+    residual = natural_residual(p, u, mu, np.zeros(n), low, high, step_length)
+    return AdmmSolution(p, u, residual / max(least, float(np.abs(p).max())), int(result.iterations))
+
+
+def _checked(name: str, value: ArrayLike, *shape: int) -> Array:
+    return np.array(check_array(name, value, shape), order="C")
+
+
+def _constraints(mu: Array, low: Array, high: Array) -> tuple[pin.StdVec_ConstraintModel, pin.StdVec_ConstraintData]:
+    """Constraints that only carry their sets: cones about z at the universe, boxes at a chain of joints."""
+    model = pin.Model()
+    models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+    for friction in mu:
+        contact = pin.PointContactConstraintModel(model, 0)
+        contact.setFriction(friction)
+        models.append(pin.ConstraintModel(contact))
+    if low.size > 0:
+        joints = [model.addJoint(j, pin.JointModelRZ(), pin.SE3.Identity(), f"servo_{j + 1}") for j in range(low.size)]
+        servos = pin.JointFrictionConstraintModel(model, pin.StdVec_Index(joints), low, high)
+        servos.setTimeStep(1.0)  # so that limits of forces are limits of impulses
+        models.append(pin.ConstraintModel(servos))
+    for constraint in models:
+        datas.append(constraint.createData())
+    return models, datas
