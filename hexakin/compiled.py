@@ -3,6 +3,7 @@
 This is the only module that imports numba; it carries the inner loops of contact time stepping, where a Python
 loop would cost more than the physics.
 """
+# numba checks a cached function against its own file, not against those it calls; _drop_stale does.
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import contextlib
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -25,6 +27,20 @@ except ImportError as error:
 Whole = NDArray[np.int64]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _PATIENCE = 1.0  # [s] a cached start is faster than this
+
+
+def _drop_stale() -> None:
+    """Delete cached machine code that is older than any source it may have been made of."""
+    package = Path(__file__).parent
+    sources = [Path(__file__), *package.glob("contact/*.py"), *package.glob("engines/*.py")]
+    newest = max(source.stat().st_mtime for source in sources)
+    for index in package.glob("*/__pycache__/*.nbi"):
+        with contextlib.suppress(OSError):  # read-only, or another process was faster
+            if index.stat().st_mtime < newest:
+                index.unlink()
+
+
+_drop_stale()
 
 
 def compiled(function: _Function) -> _Function:

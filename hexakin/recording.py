@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hexakin.exceptions import RecordingError
 from hexakin.transforms import Array
 
-_FORMAT = "hexakin-recording-1"
+_FORMAT = "hexakin-recording-2"
 
 
 def _plain(value: Any) -> Any:
@@ -46,6 +46,9 @@ class Recording:
     foot_force                  (n, L)       N      normal, mean over the tick before
     torso_force, limb_force     (n,)         N      normal, mean over the tick before
     penetration                 (n,)         m      deepest contact of the tick before
+    energy                      (n,)         J      kinetic and potential; NaN if the engine does not know
+    servo_work, contact_work    (n,)         J      put in during the tick before; NaN likewise
+    solver_residual             (n,)         1      largest of the tick before; NaN likewise
     phase                       (n,)         1      running number of the gait phase
     stance                      (n, L)       bool   legs commanded to carry
     extending                   (n,)         bool   feet are reaching for lost ground
@@ -71,6 +74,10 @@ class Recording:
     torso_force: Array
     limb_force: Array
     penetration: Array
+    energy: Array
+    servo_work: Array
+    contact_work: Array
+    solver_residual: Array
     phase: NDArray[np.int_]
     stance: NDArray[np.bool_]
     extending: NDArray[np.bool_]

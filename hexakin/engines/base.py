@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
@@ -20,6 +21,11 @@ class Reading(NamedTuple):
     (L, 3) [N m] of the servos at the last step. Normal contact forces [N] as means over the tick's steps:
     ``foot_force`` (L,), ``torso_force`` and ``limb_force`` (coxae, femora and tibiae together).
     ``penetration`` [m] is the deepest of any contact in the tick.
+
+    ``energy`` [J], kinetic and potential (of gravity, from the world's origin), is that at the end of the tick;
+    ``servo_work`` and ``contact_work`` [J] are what servos and contacts put in during the tick (contacts take out, so
+    theirs is negative); ``solver_residual`` is the largest relative residual of the contact solver. An engine that does
+    not know one of these says NaN.
     """
 
     T_world_body: Array
@@ -31,6 +37,10 @@ class Reading(NamedTuple):
     torso_force: float
     limb_force: float
     penetration: float
+    energy: float = math.nan
+    servo_work: float = math.nan
+    contact_work: float = math.nan
+    solver_residual: float = math.nan
 
 
 class Engine(ABC):

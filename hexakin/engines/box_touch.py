@@ -8,8 +8,9 @@ from hexakin.compiled import Whole
 from hexakin.dynamics import coal, pin
 from hexakin.engines.collision import Contacts, Ground
 from hexakin.engines.shapes import Cuboid, Sphere
+from hexakin.transforms import Array
 
-_FLUSH = 1e-5  # [m] how far from the deepest point two boxes count as touching
+_FLUSH = 1e-3  # [m] how far from the deepest point two faces count as facing each other
 
 
 class BoxTouch:
@@ -66,14 +67,39 @@ class BoxTouch:
         coal.computeContactPatch(*posed, *other_posed, self._result, self._patch_request, self._patches)
         for index in range(self._patches.numContactPatches()):
             patch = self._patches.getContactPatch(index)
-            for corner in range(min(patch.size(), contacts.gap.size - count)):
+            normal, depth = patch.getNormal(), patch.penetration_depth
+            for corner in range(patch.size()):
+                point = patch.getPoint(corner)
+                gap = _gap(point, normal, posed, other_posed, depth)
+                if count == contacts.gap.size or gap > self._request.security_margin:
+                    continue
                 contacts.bodies[count] = mine.joint, other.joint if other else -1
-                contacts.point[count] = patch.getPoint(corner)
-                contacts.normal[count] = -patch.getNormal()
-                contacts.gap[count], contacts.group[count] = patch.penetration_depth, mine.group
+                contacts.point[count], contacts.normal[count] = point, -normal
+                contacts.gap[count], contacts.group[count] = gap, mine.group
                 contacts.key[count] = -1
                 count += 1
         return count
+
+
+def _gap(
+    point: Array,
+    normal: Array,
+    posed: tuple[coal.Box, coal.Transform3s],
+    other_posed: tuple[coal.Box, coal.Transform3s],
+    otherwise: float,
+) -> float:
+    """Distance of two boxes along the ``normal`` from the first to the second, on the line through a point."""
+    reach = []
+    for (box, pose), side in ((posed, 1.0), (other_posed, -1.0)):
+        rotation = pose.getRotation()
+        start, along = rotation.T @ (point - pose.getTranslation()), side * (rotation.T @ normal)
+        # The line leaves a box where it leaves the first of its three slabs; the one that it runs along does not count.
+        steep = np.abs(along) > 1e-9
+        leave = ((np.copysign(box.halfSide, along) - start)[steep] / along[steep]).min()
+        if (np.abs(start + leave * along) > box.halfSide + 1e-6).any():
+            return otherwise  # it passes the box by
+        reach.append(side * leave)
+    return max(reach[1] - reach[0], otherwise)
 
 
 def _root(model: pin.Model, joint: int) -> int:

@@ -5,10 +5,11 @@ A step of length h goes from velocity v to v' at the configuration half-way, q +
     M (v' - v) = -h (C + g) + S^T s + J^T p,
 
 servo impulses s and contact impulses p found together (``hexakin.contact.impulses``). A contact that is closed
-may not approach; one about to close may at most close its gap. Contacts that strike faster than a threshold bounce,
-by Poisson's law (A(4)-(6)), whose expansion phase returns at least the share xi of each compression impulse, or by
-Newton's, which returns the share xi of each approach velocity. Jean and Moreau, "Unilaterality and dry friction in
-the dynamics of rigid body collections" (1992); Anitescu and Potra (1997); Glocker, "Set-Valued Force Laws" (2001).
+may not approach; one about to close may at most close its gap. If contacts strike faster than a threshold, an impact
+comes first: by Poisson's law (A(4)-(6)), whose expansion phase returns at least the share xi of each compression
+impulse, or by Newton's, which returns the share xi of each approach velocity. Jean and Moreau, "Unilaterality and
+dry friction in the dynamics of rigid body collections" (1992); Anitescu and Potra (1997); Glocker, "Set-Valued Force
+Laws" (2001).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.compiled import Whole, compiled
-from hexakin.contact.impulses import solve_impact
+from hexakin.contact.impulses import solve_impact, solve_impulses
 from hexakin.engines.collision import Contacts, Ground, box_near, box_pairs, sphere_contacts, vertex_contacts
 from hexakin.transforms import Array
 
@@ -68,6 +69,7 @@ class Law(NamedTuple):
     compliance: float
     tolerance: float
     max_sweeps: int
+    reach: float
     margin: float
 
 
@@ -173,6 +175,32 @@ def find_contacts(
 
 
 @compiled
+def _contact_rows(bodies: Bodies, J_world: Array, contacts: Contacts, c: int, frame: Array, rows: Array) -> None:
+    """A contact's axes (t1, t2, n), into ``frame``, and the derivative of its velocity along them, into ``rows``."""
+    normal = contacts.normal[c]
+    _tangent(normal, frame[0])
+    for a in range(3):
+        frame[2, a] = normal[a]
+    frame[1, 0] = normal[1] * frame[0, 2] - normal[2] * frame[0, 1]
+    frame[1, 1] = normal[2] * frame[0, 0] - normal[0] * frame[0, 2]
+    frame[1, 2] = normal[0] * frame[0, 1] - normal[1] * frame[0, 0]
+    rows[:, :] = 0.0
+    for a in range(3):
+        _point_jacobian(bodies.moves, J_world, contacts.bodies[c, 0], contacts.point[c], frame[a], 1.0, rows[a])
+        if contacts.bodies[c, 1] >= 0:
+            _point_jacobian(bodies.moves, J_world, contacts.bodies[c, 1], contacts.point[c], frame[a], -1.0, rows[a])
+
+
+@compiled
+def _momentum(M: Array, v: Array, turning: Array, bias_force: Array, h: float, r: Array) -> None:
+    """Put M (v + h turning) - h bias_force into r: the momentum that known forces leave after a time h."""
+    for i in range(v.size):
+        r[i] = -h * bias_force[i]
+        for k in range(v.size):
+            r[i] += M[i, k] * (v[k] + h * turning[k])
+
+
+@compiled
 def solve_step(
     M_upper: Array,
     bias_force: Array,
@@ -192,35 +220,30 @@ def solve_step(
     for j in range(nv):
         for i in range(j + 1):
             M[i, j] = M[j, i] = M_upper[i, j]
-    # Which contacts take part.
+    # Which contacts take part: first those that are closed or strike until the end of the step, then slow ones that
+    # may close within it. A fast body whose gap is open for longer flies on: it shall strike with its own speed.
     active, approach = np.empty(found, dtype=np.int64), np.empty(found)
-    rows, frames = np.zeros((3 * found, nv)), np.empty((found, 3, 3))
-    n = 0
-    for c in range(found):
-        frame = frames[n]
-        normal, x = contacts.normal[c], contacts.point[c]
-        _tangent(normal, frame[0])
-        for a in range(3):
-            frame[2, a] = normal[a]
-        frame[1, 0] = normal[1] * frame[0, 2] - normal[2] * frame[0, 1]
-        frame[1, 1] = normal[2] * frame[0, 0] - normal[0] * frame[0, 2]
-        frame[1, 2] = normal[0] * frame[0, 1] - normal[1] * frame[0, 0]
-        for a in range(3):
-            row = rows[3 * n + a]
-            row[:] = 0.0
-            _point_jacobian(bodies.moves, J_world, contacts.bodies[c, 0], x, frame[a], 1.0, row)
-            if contacts.bodies[c, 1] >= 0:
-                _point_jacobian(bodies.moves, J_world, contacts.bodies[c, 1], x, frame[a], -1.0, row)
-        speed = 0.0
-        for k in range(nv):
-            speed += rows[3 * n + 2, k] * v[k]
-        # A fast body whose gap is still open flies on: it shall strike with its own speed.
-        if contacts.gap[c] <= 0.0 or speed >= -law.threshold:
-            active[n], approach[n] = c, speed
-            n += 1
+    strikes = np.zeros(found, dtype=np.int64)
+    rows, frames = np.empty((3 * found + 3, nv)), np.empty((found + 1, 3, 3))  # one to try
+    n, closed = 0, 0
+    for turn in range(2):
+        for c in range(found):
+            gap = contacts.gap[c]
+            if turn == 1 and not 0.0 < gap <= law.reach:
+                continue
+            _contact_rows(bodies, J_world, contacts, c, frames[n], rows[3 * n : 3 * n + 3])
+            speed = 0.0
+            for k in range(nv):
+                speed += rows[3 * n + 2, k] * v[k]
+            fast = speed < -law.threshold
+            if (gap <= 0.0 or (fast and gap + 0.5 * h * speed <= 0.0)) if turn == 0 else not fast:
+                active[n], approach[n] = c, speed
+                strikes[n] = fast
+                n += 1
+        if turn == 0:
+            closed = n
     J = rows[: 3 * n]
-    mu, bias, strikes = np.full(n, law.friction), np.zeros(n), np.zeros(n, dtype=np.int64)
-    p, u, r, after = np.zeros(3 * n), np.zeros(3 * n), np.empty(nv), np.empty(nv)
+    mu, bias, p = np.full(n, law.friction), np.zeros(n), np.zeros(3 * n)
     for i in range(n):
         c = active[i]
         gap = contacts.gap[c]
@@ -228,43 +251,53 @@ def solve_step(
             bias[i] = gap / h
         elif gap < -_SLOP:
             bias[i] = -min((-gap - _SLOP) / _PUSH_TIME, _PUSH_SPEED)
-        if gap <= 0.0 and approach[i] < -law.threshold:
-            strikes[i] = 1
         for old in range(state.old_count[0]):
             if contacts.key[c] >= 0 and state.old_key[old] == contacts.key[c]:
                 for a in range(3):
                     for k in range(3):
                         p[3 * i + a] += frames[i, a, k] * state.old_impulse[old, k]
-    for i in range(nv):
-        value = -h * bias_force[i]
-        for k in range(nv):
-            value += M[i, k] * v[k]
-        r[i] = value
+    # The velocity as it would be without any force, in the axes that the bodies have half-way: Pinocchio's C holds the
+    # turning of these axes too, which drift accounts for.
+    turning = np.zeros(nv)
+    for k in range(bodies.floating.shape[0]):
+        j = bodies.floating[k, 1]
+        turning[j] = v[j + 4] * v[j + 2] - v[j + 5] * v[j + 1]
+        turning[j + 1] = v[j + 5] * v[j] - v[j + 3] * v[j + 2]
+        turning[j + 2] = v[j + 3] * v[j + 1] - v[j + 4] * v[j]
+    r, start, after, u = np.empty(nv), v.copy(), np.empty(nv), np.empty(3 * n)
+    residual, blow, rest = 0.0, np.zeros(3 * n), h
+    if strikes[:n].any():
+        # An impact takes no time, so that servos have no part in it; on average it comes when half the step is over.
+        rest = 0.5 * h
+        _momentum(M, v, turning, bias_force, h - rest, r)
+        nobody, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+        residual, _ = solve_impact(
+            M, r, J[: 3 * closed], mu[:closed], np.zeros(closed), strikes, approach, law.restitution, law.poisson,
+            nobody, nothing, nothing, nobody, blow[: 3 * closed], np.empty(3 * closed), nothing, u[: 3 * closed], start,
+            law.facets, law.compliance, law.tolerance, law.max_sweeps,
+        )  # fmt: skip
+    _momentum(M, start, turning, bias_force, rest, r)
     target, limit = np.empty(m), np.full(m, h * law.servo_torque)
     for j in range(m):
         target[j] = law.servo_rate * (command[j] - q[bodies.servo_q[j]]) / (1.0 + 0.5 * h * law.servo_rate)
-    residual, _ = solve_impact(
-        M, r, J, mu, bias, strikes, approach, law.restitution, law.poisson, bodies.servo, target, limit, state.hold,
-        p, np.empty(3 * n), state.s, u, after, law.facets, law.compliance, law.tolerance, law.max_sweeps,
+    last, _ = solve_impulses(
+        M, r, J, mu, bias, np.zeros(n), bodies.servo, target, -limit, limit, state.hold, p, state.s, u, after,
+        law.facets, law.compliance, law.tolerance, law.max_sweeps,
     )  # fmt: skip
-    # Work by the trapezoidal rule: exact for a constant mass matrix.
+    residual = max(residual, last)
+    # Work by the trapezoidal rule, which is exact for a constant mass matrix.
     for j in range(m):
         i = bodies.servo[j]
-        state.sums[0] += 0.5 * state.s[j] * (v[i] + after[i])
-    work = 0.0
+        state.sums[0] += 0.5 * state.s[j] * (start[i] + after[i])
     for i in range(3 * n):
-        if p[i] != 0.0:
-            speed = 0.0
-            for k in range(nv):
-                speed += J[i, k] * (v[k] + after[k])
-            work += 0.5 * p[i] * speed
-    state.sums[1] += work
+        for k in range(nv):
+            state.sums[1] += 0.5 * J[i, k] * (p[i] * (start[k] + after[k]) + blow[i] * (v[k] + start[k]))
     state.sums[3] = max(state.sums[3], residual)
     state.old_count[0] = n
     for i in range(n):
         c = active[i]
         state.sums[2] = max(state.sums[2], -contacts.gap[c])
-        state.impulse[contacts.group[c]] += p[3 * i + 2]
+        state.impulse[contacts.group[c]] += p[3 * i + 2] + blow[3 * i + 2]
         state.old_key[i] = contacts.key[c]
         for k in range(3):
             state.old_impulse[i, k] = 0.0
@@ -275,33 +308,36 @@ def solve_step(
 
 
 @compiled
-def _integrate(q: Array, v: Array, bodies: Bodies, h: float) -> None:
-    """Move the configuration along a constant velocity, exactly, in place."""
+def _turn(x: float, y: float, z: float, w: float, d: Array, back: bool) -> None:
+    """Turn d (3,) by a unit quaternion, or back, in place: d + 2 r x (r x d + w d), r the quaternion's vector."""
+    if back:
+        x, y, z = -x, -y, -z
+    ex, ey, ez = y * d[2] - z * d[1] + w * d[0], z * d[0] - x * d[2] + w * d[1], x * d[1] - y * d[0] + w * d[2]
+    d[0] += 2.0 * (y * ez - z * ey)
+    d[1] += 2.0 * (z * ex - x * ez)
+    d[2] += 2.0 * (x * ey - y * ex)
+
+
+@compiled
+def drift(q: Array, v: Array, bodies: Bodies, h: float) -> None:
+    """Move the configuration by h seconds of constant velocity, in place.
+
+    A free body goes straight in the world and turns at its rate; its linear velocity, which Pinocchio has in the
+    body's frame, is turned along.
+    """
     for k in range(bodies.hinges.shape[0]):
         q[bodies.hinges[k, 0]] += h * v[bodies.hinges[k, 1]]
     for k in range(bodies.floating.shape[0]):
         i, j = bodies.floating[k]
-        wx, wy, wz = h * v[j + 3], h * v[j + 4], h * v[j + 5]
-        ux, uy, uz = h * v[j], h * v[j + 1], h * v[j + 2]
-        square = wx * wx + wy * wy + wz * wz
-        angle = np.sqrt(square)
-        if angle > 1e-4:
-            a, b = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
-            sine, cosine = np.sin(0.5 * angle) / angle, np.cos(0.5 * angle)
-        else:
-            a, b = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-            sine, cosine = 0.5 - square / 48.0, 1.0 - square / 8.0
-        # Displacement along the screw, in the body's frame: u + a w x u + b w x (w x u).
-        cx, cy, cz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
-        dx = ux + a * cx + b * (wy * cz - wz * cy)
-        dy = uy + a * cy + b * (wz * cx - wx * cz)
-        dz = uz + a * cz + b * (wx * cy - wy * cx)
+        linear = v[j : j + 3]
         x, y, z, w = q[i + 3], q[i + 4], q[i + 5], q[i + 6]
-        # Rotated into the world: d + 2 r x (r x d + w d), r the quaternion's vector.
-        ex, ey, ez = y * dz - z * dy + w * dx, z * dx - x * dz + w * dy, x * dy - y * dx + w * dz
-        q[i] += dx + 2.0 * (y * ez - z * ey)
-        q[i + 1] += dy + 2.0 * (z * ex - x * ez)
-        q[i + 2] += dz + 2.0 * (x * ey - y * ex)
+        _turn(x, y, z, w, linear, False)
+        for a in range(3):
+            q[i + a] += h * linear[a]
+        wx, wy, wz = h * v[j + 3], h * v[j + 4], h * v[j + 5]
+        angle = np.sqrt(wx * wx + wy * wy + wz * wz)
+        sine = np.sin(0.5 * angle) / angle if angle > 1e-6 else 0.5 - angle * angle / 48.0
+        cosine = np.cos(0.5 * angle)
         sx, sy, sz = sine * wx, sine * wy, sine * wz
         nx = w * sx + x * cosine + y * sz - z * sy
         ny = w * sy - x * sz + y * cosine + z * sx
@@ -309,6 +345,7 @@ def _integrate(q: Array, v: Array, bodies: Bodies, h: float) -> None:
         nw = w * cosine - x * sx - y * sy - z * sz
         norm = np.sqrt(nx * nx + ny * ny + nz * nz + nw * nw)
         q[i + 3], q[i + 4], q[i + 5], q[i + 6] = nx / norm, ny / norm, nz / norm, nw / norm
+        _turn(nx / norm, ny / norm, nz / norm, nw / norm, linear, True)
 
 
 @compiled
@@ -339,5 +376,5 @@ def march(
             yield near
             found = state.found[0]
         solve_step(M, bias_force, J, q, command, bodies, contacts, found, law, state)
-        _integrate(q, state.v, bodies, law.h)
+        drift(q, state.v, bodies, law.h)
         yield -1

@@ -85,6 +85,10 @@ class RigidEngine(Engine):
             torso_force=float(force[robot.num_legs]),
             limb_force=float(force[robot.num_legs + 1]),
             penetration=sums.penetration,
+            energy=stepper.energy(),
+            servo_work=sums.servo_work,
+            contact_work=sums.contact_work,
+            solver_residual=sums.residual,
         )
 
     def close(self) -> None:
