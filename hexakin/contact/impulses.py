@@ -98,6 +98,36 @@ def _soften(G: Array, size: int, compliance: float) -> None:
 
 
 @compiled
+def _solve_contacts(
+    G: Array,
+    g: Array,
+    mu: Array,
+    p_min: Array,
+    low: Array,
+    high: Array,
+    facets: int | None,
+    p: Array,
+    u: Array,
+    tolerance: float,
+    max_sweeps: int,
+) -> tuple[float, int]:
+    """Cone or polyhedron; a cone that resists from the first guess is tried again from zero."""
+    # With None as the type of facets, numba leaves the polyhedron's code out.
+    if facets is not None:
+        return solve_polyhedron(G, g, mu, p_min, low, high, facets, p, u, tolerance, max_sweeps)
+    residual, sweeps = solve_cone(G, g, mu, p_min, low, high, p, u, tolerance, max_sweeps)
+    if not residual <= tolerance:
+        x, w = np.zeros(p.size), np.zeros(p.size)
+        second, more = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+        sweeps += more
+        if second < residual:
+            residual = second
+            for i in range(p.size):
+                p[i], u[i] = x[i], w[i]
+    return residual, sweeps
+
+
+@compiled
 def solve_impulses(
     M: Array,
     r: Array,
@@ -114,7 +144,7 @@ def solve_impulses(
     s: Array,
     u: Array,
     v: Array,
-    facets: int,
+    facets: int | None,
     compliance: float,
     tolerance: float,
     max_sweeps: int,
@@ -123,7 +153,7 @@ def solve_impulses(
 
     ``servo`` (m,) are the coordinates that have a servo, ``target`` their velocities, ``low`` and ``high`` their
     impulses' limits, ``state`` (m,) which of them hold: first guess and result. ``bias`` (n,) is added to the
-    normal velocities, and to u. ``facets`` is the number of the friction polyhedron's, or 0 for the exact cone.
+    normal velocities, and to u. ``facets`` is the number of the friction polyhedron's, or None for the exact cone.
     ``compliance``, a share of the mean of G's diagonal, is added to that diagonal: among the many ways to share a load
     between redundant contacts it selects the most even one. Returns the residual and the sweeps (or pivots) of the
     contact solver.
@@ -162,10 +192,7 @@ def solve_impulses(
             if state[j] == HOLDS:
                 for i in range(size):
                     g[i] += J[i, servo[j]] * target[j]
-        if facets == 0:
-            residual, used = solve_cone(G, g, mu, p_min, none, none, p, u, tolerance, max_sweeps)
-        else:
-            residual, used = solve_polyhedron(G, g, mu, p_min, none, none, facets, p, u, tolerance, max_sweeps)
+        residual, used = _solve_contacts(G, g, mu, p_min, none, none, facets, p, u, tolerance, max_sweeps)
         sweeps += used
         _velocities(free[:count], L, Y, y, p, v)
         changed = False
@@ -191,7 +218,9 @@ def solve_impulses(
             return residual, sweeps
     # Going round in circles (about 1 in 500 hard random problems): all unknowns at once.
     rows, x, w = np.zeros((size + m, nv)), np.zeros(size + m), np.empty(size + m)
-    rows[:size] = J
+    for i in range(size):
+        for k in range(nv):
+            rows[i, k] = J[i, k]
     for j in range(m):
         rows[size + j, servo[j]] = 1.0
     for i in range(nv):
@@ -204,13 +233,12 @@ def solve_impulses(
     _soften(G, size, compliance)
     for j in range(m):
         g[size + j] -= target[j]
-    if facets == 0:
-        residual, used = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
-    else:
-        residual, used = solve_polyhedron(G, g, mu, p_min, low, high, facets, x, w, tolerance, max_sweeps)
+    residual, used = _solve_contacts(G, g, mu, p_min, low, high, facets, x, w, tolerance, max_sweeps)
     _velocities(free, L, Y, y, x, v)
-    p[:], s[:], u[:] = x[:size], x[size:], w[:size]
+    for i in range(size):
+        p[i], u[i] = x[i], w[i]
     for j in range(m):
+        s[j] = x[size + j]
         state[j] = AT_HIGH if s[j] >= high[j] else AT_LOW if s[j] <= low[j] else HOLDS
     return residual, sweeps + used
 
@@ -235,7 +263,7 @@ def solve_impact(
     s: Array,
     u: Array,
     v: Array,
-    facets: int,
+    facets: int | None,
     compliance: float,
     tolerance: float,
     max_sweeps: int,
@@ -248,7 +276,9 @@ def solve_impact(
     velocities after.
     """
     n, m, nv = mu.size, servo.size, r.size
-    p_min, bounces = np.zeros(n), False
+    p_min, low, high, bounces = np.zeros(n), np.empty(m), np.empty(m), False
+    for j in range(m):
+        low[j], high[j] = -limit[j], limit[j]
     for i in range(n):
         if strikes[i] and restitution > 0.0:
             bounces = True
@@ -275,9 +305,12 @@ def solve_impact(
         tolerance,
         max_sweeps,
     )
-    compression[:] = p
+    for i in range(3 * n):
+        compression[i] = p[i]
     if bounces and poisson:
-        extra, more, hold, kept = np.zeros(3 * n), np.zeros(m), state.copy(), np.empty(nv)
+        extra, more, hold, kept = np.zeros(3 * n), np.zeros(m), np.empty(m, dtype=np.int64), np.empty(nv)
+        for j in range(m):
+            hold[j] = state[j]
         for i in range(n):
             if strikes[i]:
                 p_min[i] = restitution * p[3 * i + 2]
@@ -285,9 +318,10 @@ def solve_impact(
             kept[i] = 0.0
             for k in range(nv):
                 kept[i] += M[i, k] * v[k]
-        # A servo's two impulses together keep to its limit.
+        for j in range(m):
+            low[j], high[j] = -limit[j] - s[j], limit[j] - s[j]  # its two impulses together keep to the limit
         second, used = solve_impulses(
-            M, kept, J, mu, bias, p_min, servo, target, -limit - s, limit - s, hold, extra, more, u, v,
+            M, kept, J, mu, bias, p_min, servo, target, low, high, hold, extra, more, u, v,
             facets, compliance, tolerance, max_sweeps,
         )  # fmt: skip
         residual, sweeps = max(residual, second), sweeps + used

@@ -111,10 +111,10 @@ class ContactSolution(NamedTuple):
     iterations: int
 
 
-def check_facets(facets: int | None) -> int:
-    """Return the number of facets, 0 for the exact cone; raise InvalidInputError unless even and at least 4."""
+def check_facets(facets: int | None) -> int | None:
+    """Return the number of facets, None for the exact cone; raise InvalidInputError unless even and at least 4."""
     if facets is None:
-        return 0
+        return None
     if check_whole("facets", facets, at_least=4) % 2:
         raise InvalidInputError(f"facets: {facets}, expected an even number, so that every direction has its opposite")
     return int(facets)
@@ -170,7 +170,9 @@ def solve(
     )  # fmt: skip
 
 
-def _residuals(p: Array, u: Array, mu: Array, least: Array, free: Array, facets: int, solver: float) -> Residuals:
+def _residuals(
+    p: Array, u: Array, mu: Array, least: Array, free: Array, facets: int | None, solver: float
+) -> Residuals:
     impulse, speed = np.abs(p).max(initial=1e-300), max(np.abs(free).max(initial=0.0), 1e-300)
     if facets:
         angles = 2.0 * np.pi * np.arange(facets) / facets

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from hexakin.compiled import Whole
+from hexakin.compiled import Whole, compiled
 from hexakin.dynamics import coal, pin
 from hexakin.engines.collision import Contacts, Ground
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.transforms import Array
 
 _FLUSH = 1e-3  # [m] how far from the deepest point two faces count as facing each other
+
+
+class _PosedBox(NamedTuple):
+    box: coal.Box
+    pose: coal.Transform3s
+    rotation: Array
+    center: Array
+    half: Array
+
+
+def _posed(box: coal.Box, rotation: Array, center: Array) -> _PosedBox:
+    half = np.array(box.halfSide)
+    return _PosedBox(box, coal.Transform3s(rotation, center), np.ascontiguousarray(rotation), center.copy(), half)
 
 
 class BoxTouch:
@@ -23,9 +38,7 @@ class BoxTouch:
         self._cuboids = [shape for shape in shapes if isinstance(shape, Cuboid)]
         self._placements = [pin.SE3(np.array(cuboid.placement)) for cuboid in self._cuboids]
         self._boxes = [coal.Box(*(float(size) for size in cuboid.size)) for cuboid in self._cuboids]
-        self._ground = [
-            (coal.Box(*(B[3:] - B[:3])), coal.Transform3s(np.eye(3), 0.5 * (B[3:] + B[:3]))) for B in ground.boxes
-        ]
+        self._ground = [_posed(coal.Box(*(B[3:] - B[:3])), np.eye(3), 0.5 * (B[3:] + B[:3])) for B in ground.boxes]
         roots = [_root(model, cuboid.joint) for cuboid in self._cuboids]
         count = len(roots)
         self.body_pairs = [(b, a) for a in range(count) for b in range(a + 1, count) if roots[a] != roots[b]]
@@ -37,12 +50,12 @@ class BoxTouch:
     def add(self, data: pin.Data, pairs: Whole, margin: float, contacts: Contacts, count: int) -> int:
         """Append the contacts of ``pairs`` (body's box, ground's box) and of bodies' boxes; returns the new count."""
         self._request.security_margin = margin
-        posed: dict[int, tuple[coal.Box, coal.Transform3s]] = {}
+        posed: dict[int, _PosedBox] = {}
 
-        def box(k: int) -> tuple[coal.Box, coal.Transform3s]:
+        def box(k: int) -> _PosedBox:
             if k not in posed:
                 T = data.oMi[self._cuboids[k].joint] * self._placements[k]
-                posed[k] = self._boxes[k], coal.Transform3s(T.rotation, T.translation)
+                posed[k] = _posed(self._boxes[k], T.rotation, T.translation)
             return posed[k]
 
         for k, item in pairs.tolist():
@@ -52,25 +65,21 @@ class BoxTouch:
         return count
 
     def _touch(
-        self,
-        mine: Cuboid,
-        other: Cuboid | None,
-        posed: tuple[coal.Box, coal.Transform3s],
-        other_posed: tuple[coal.Box, coal.Transform3s],
-        contacts: Contacts,
-        count: int,
+        self, mine: Cuboid, other: Cuboid | None, box: _PosedBox, second: _PosedBox, contacts: Contacts, count: int
     ) -> int:
         self._result.clear()
-        if not coal.collide(*posed, *other_posed, self._request, self._result):
+        if not coal.collide(box.box, box.pose, second.box, second.pose, self._request, self._result):
             return count
         self._patches.clear()
-        coal.computeContactPatch(*posed, *other_posed, self._result, self._patch_request, self._patches)
+        coal.computeContactPatch(
+            box.box, box.pose, second.box, second.pose, self._result, self._patch_request, self._patches
+        )
         for index in range(self._patches.numContactPatches()):
             patch = self._patches.getContactPatch(index)
             normal, depth = patch.getNormal(), patch.penetration_depth
             for corner in range(patch.size()):
                 point = patch.getPoint(corner)
-                gap = _gap(point, normal, posed, other_posed, depth)
+                gap = _gap(point, normal, *box[2:], *second[2:], depth)
                 if count == contacts.gap.size or gap > self._request.security_margin:
                     continue
                 contacts.bodies[count] = mine.joint, other.joint if other else -1
@@ -81,24 +90,30 @@ class BoxTouch:
         return count
 
 
+@compiled
 def _gap(
-    point: Array,
-    normal: Array,
-    posed: tuple[coal.Box, coal.Transform3s],
-    other_posed: tuple[coal.Box, coal.Transform3s],
+    point: Array, normal: Array, R: Array, x: Array, half: Array, R_other: Array, x_other: Array, half_other: Array,
     otherwise: float,
-) -> float:
+) -> float:  # fmt: skip
     """Distance of two boxes along the ``normal`` from the first to the second, on the line through a point."""
-    reach = []
-    for (box, pose), side in ((posed, 1.0), (other_posed, -1.0)):
-        rotation = pose.getRotation()
-        start, along = rotation.T @ (point - pose.getTranslation()), side * (rotation.T @ normal)
-        # The line leaves a box where it leaves the first of its three slabs; the one that it runs along does not count.
-        steep = np.abs(along) > 1e-9
-        leave = ((np.copysign(box.halfSide, along) - start)[steep] / along[steep]).min()
-        if (np.abs(start + leave * along) > box.halfSide + 1e-6).any():
-            return otherwise  # it passes the box by
-        reach.append(side * leave)
+    reach = np.empty(2)
+    for k in range(2):
+        rotation, center, size, side = (R, x, half, 1.0) if k == 0 else (R_other, x_other, half_other, -1.0)
+        start, along = np.empty(3), np.empty(3)
+        for a in range(3):
+            start[a], along[a] = 0.0, 0.0
+            for b in range(3):
+                start[a] += rotation[b, a] * (point[b] - center[b])
+                along[a] += side * rotation[b, a] * normal[b]
+        # The line leaves a box where it leaves the first of its three slabs; one that it runs along does not count.
+        leave = np.inf
+        for a in range(3):
+            if abs(along[a]) > 1e-9:
+                leave = min(leave, (np.copysign(size[a], along[a]) - start[a]) / along[a])
+        for a in range(3):
+            if abs(start[a] + leave * along[a]) > size[a] + 1e-6:
+                return otherwise  # it passes the box by
+        reach[k] = side * leave
     return max(reach[1] - reach[0], otherwise)
 
 

@@ -65,7 +65,6 @@ class Law(NamedTuple):
     threshold: float
     servo_rate: float
     servo_torque: float
-    facets: int
     compliance: float
     tolerance: float
     max_sweeps: int
@@ -133,8 +132,8 @@ def find_contacts(
 
     Returns how many, and how many ``pairs`` (body's box, ground's box) are near; these are left to a library.
     """
-    count, near, x = 0, 0, np.empty(3)
-    number = 0
+    # Of one type from the start, or numba compiles what follows for the literal 0 too.
+    count, near, number, x = np.int64(0), np.int64(0), np.int64(0), np.empty(3)
     for k in range(bodies.sphere_joint.size):
         S = bodies.sphere[k]
         _center(poses[bodies.sphere_joint[k]], S, x)
@@ -211,6 +210,7 @@ def solve_step(
     contacts: Contacts,
     found: int,
     law: Law,
+    facets: int | None,
     state: State,
 ) -> None:
     """One step of the velocities, in place; configuration, mass matrix and contacts are those half-way."""
@@ -243,8 +243,9 @@ def solve_step(
         if turn == 0:
             closed = n
     J = rows[: 3 * n]
-    mu, bias, p = np.full(n, law.friction), np.zeros(n), np.zeros(3 * n)
+    mu, bias, p = np.empty(n), np.zeros(n), np.zeros(3 * n)
     for i in range(n):
+        mu[i] = law.friction
         c = active[i]
         gap = contacts.gap[c]
         if gap > 0.0:
@@ -264,9 +265,14 @@ def solve_step(
         turning[j] = v[j + 4] * v[j + 2] - v[j + 5] * v[j + 1]
         turning[j + 1] = v[j + 5] * v[j] - v[j + 3] * v[j + 2]
         turning[j + 2] = v[j + 3] * v[j + 1] - v[j + 4] * v[j]
-    r, start, after, u = np.empty(nv), v.copy(), np.empty(nv), np.empty(3 * n)
+    r, start, after, u = np.empty(nv), np.empty(nv), np.empty(nv), np.empty(3 * n)
+    for i in range(nv):
+        start[i] = v[i]
+    struck = False
+    for i in range(closed):
+        struck = struck or strikes[i] > 0
     residual, blow, rest = 0.0, np.zeros(3 * n), h
-    if strikes[:n].any():
+    if struck:
         # An impact takes no time, so that servos have no part in it; on average it comes when half the step is over.
         rest = 0.5 * h
         _momentum(M, v, turning, bias_force, h - rest, r)
@@ -274,15 +280,16 @@ def solve_step(
         residual, _ = solve_impact(
             M, r, J[: 3 * closed], mu[:closed], np.zeros(closed), strikes, approach, law.restitution, law.poisson,
             nobody, nothing, nothing, nobody, blow[: 3 * closed], np.empty(3 * closed), nothing, u[: 3 * closed], start,
-            law.facets, law.compliance, law.tolerance, law.max_sweeps,
+            facets, law.compliance, law.tolerance, law.max_sweeps,
         )  # fmt: skip
     _momentum(M, start, turning, bias_force, rest, r)
-    target, limit = np.empty(m), np.full(m, h * law.servo_torque)
+    target, low, high = np.empty(m), np.empty(m), np.empty(m)
     for j in range(m):
+        low[j], high[j] = -h * law.servo_torque, h * law.servo_torque
         target[j] = law.servo_rate * (command[j] - q[bodies.servo_q[j]]) / (1.0 + 0.5 * h * law.servo_rate)
     last, _ = solve_impulses(
-        M, r, J, mu, bias, np.zeros(n), bodies.servo, target, -limit, limit, state.hold, p, state.s, u, after,
-        law.facets, law.compliance, law.tolerance, law.max_sweeps,
+        M, r, J, mu, bias, np.zeros(n), bodies.servo, target, low, high, state.hold, p, state.s, u, after,
+        facets, law.compliance, law.tolerance, law.max_sweeps,
     )  # fmt: skip
     residual = max(residual, last)
     # Work by the trapezoidal rule, which is exact for a constant mass matrix.
@@ -361,6 +368,7 @@ def march(
     contacts: Contacts,
     pairs: Whole,
     law: Law,
+    facets: int | None,
     state: State,
 ) -> Iterator[int]:
     """A coroutine over shared arrays, so that a step costs one resumption and not the passing of fifty arrays.
@@ -375,6 +383,6 @@ def march(
             state.found[0] = found
             yield near
             found = state.found[0]
-        solve_step(M, bias_force, J, q, command, bodies, contacts, found, law, state)
+        solve_step(M, bias_force, J, q, command, bodies, contacts, found, law, facets, state)
         drift(q, state.v, bodies, law.h)
         yield -1

@@ -88,7 +88,6 @@ class MoreauStepper:
             threshold=check_number("restitution_threshold", threshold, at_least=0.0, unit="m/s"),
             servo_rate=servos.rate if servos else 0.0,
             servo_torque=servos.max_torque if servos else 0.0,
-            facets=check_facets(facets),
             compliance=check_number("compliance", compliance, at_least=0.0),
             tolerance=check_number("tolerance", tolerance, above=0.0),
             max_sweeps=check_whole("max_sweeps", max_sweeps, at_least=1),
@@ -119,7 +118,7 @@ class MoreauStepper:
         with announced("the rigid engine"):
             self._march = march(
                 data.M, data.nle, data.J, _pose_view(model, data), self._q_half, self._command, self._bodies, ground,
-                self._contacts, self._pairs, self._law, self._state,
+                self._contacts, self._pairs, self._law, check_facets(facets), self._state,
             )  # fmt: skip
 
     @property
@@ -173,15 +172,18 @@ class MoreauStepper:
         state.impulse[:] = 0.0
         state.sums[:] = 0.0
         worst, driven = 0.0, self._command.size > 0
+        turning = np.ones(model.nv, dtype=bool)
+        for j in self._bodies.floating[:, 1]:
+            turning[j : j + 3] = False
         for _ in range(num_steps):
             pin.crba(model, data, q, world)
             pin.nonLinearEffects(model, data, q, v)
-            if not driven:
+            if not driven and v[turning].any():
                 self._center_bias(q, v)
             near = next(loop)
             if near >= 0:
                 found = int(state.found[0])
-                state.found[0] = self._touch.add(data, self._pairs[:near], self._law.margin, self._contacts, found)
+                state.found[0] = self._touch.add(data, self._pairs[:near], self._law.reach, self._contacts, found)
                 next(loop)
             self.steps += 1
             residual = float(state.sums[3])
