@@ -111,15 +111,21 @@ def _solve_contacts(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Cone or polyhedron; a cone that resists from the first guess is tried again from zero."""
+    """Cone or polyhedron; a cone that resists is approached through softer ones, which are easier to solve."""
     # With None as the type of facets, numba leaves the polyhedron's code out.
     if facets is not None:
         return solve_polyhedron(G, g, mu, p_min, low, high, facets, p, u, tolerance, max_sweeps)
     residual, sweeps = solve_cone(G, g, mu, p_min, low, high, p, u, tolerance, max_sweeps)
     if not residual <= tolerance:
-        x, w = np.zeros(p.size), np.zeros(p.size)
-        second, more = solve_cone(G, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
-        sweeps += more
+        x, w, soft = np.zeros(p.size), np.zeros(p.size), np.empty((p.size, p.size))
+        for stage in range(9):
+            for i in range(p.size):
+                for j in range(p.size):
+                    soft[i, j] = G[i, j]
+            if stage < 8:
+                _soften(soft, p.size, 10.0 ** (-stage))
+            second, used = solve_cone(soft, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+            sweeps += used
         if second < residual:
             residual = second
             for i in range(p.size):

@@ -132,8 +132,7 @@ def find_contacts(
 
     Returns how many, and how many ``pairs`` (body's box, ground's box) are near; these are left to a library.
     """
-    # Of one type from the start, or numba compiles what follows for the literal 0 too.
-    count, near, number, x = np.int64(0), np.int64(0), np.int64(0), np.empty(3)
+    count, near, number, x = 0, 0, 0, np.empty(3)
     for k in range(bodies.sphere_joint.size):
         S = bodies.sphere[k]
         _center(poses[bodies.sphere_joint[k]], S, x)
