@@ -150,6 +150,21 @@ def _eliminate(A: Array, b: Array) -> bool:
 
 
 @compiled
+def _project_back(mu: Array, p_min: Array, low: Array, high: Array, p: Array) -> None:
+    """Put impulses back into their sets, so that what is returned is feasible."""
+    for c in range(mu.size):
+        k = 3 * c
+        p[k + 2] = max(p[k + 2], p_min[c])
+        norm, radius = np.sqrt(p[k] ** 2 + p[k + 1] ** 2), mu[c] * p[k + 2]
+        if norm > radius:
+            p[k] *= radius / norm
+            p[k + 1] *= radius / norm
+    for j in range(low.size):
+        k = 3 * mu.size + j
+        p[k] = min(max(p[k], low[j]), high[j])
+
+
+@compiled
 def _newton(
     G: Array,
     g: Array,
@@ -162,17 +177,19 @@ def _newton(
     u: Array,
     goal: float,
     steps: int,
+    damped: bool,
 ) -> float:
     """Semismooth Newton on the natural map, in place; returns the residual reached. The caller keeps a copy of p."""
     size = g.size
     A, step = np.empty((size, size)), np.empty(size)
     residual = natural_residual(p, u, mu, p_min, low, high, step_length)
     for _ in range(steps):
-        # Redundant contacts leave A singular; the damping fades with the residual (Levenberg, Marquardt).
+        # Redundant contacts leave A singular; damping that fades with the residual helps (Levenberg, Marquardt), but
+        # hides what a small compliance would decide.
         largest = 1e-300
         for i in range(size):
             largest = max(largest, abs(p[i]))
-        damping = min(1.0, residual / largest) + 1e-13
+        damping = (min(1.0, residual / largest) if damped else 0.0) + 1e-13
         for c in range(mu.size):
             k = 3 * c
             n, rho = k + 2, step_length[k]
@@ -227,21 +244,16 @@ def _newton(
             return np.inf
         for i in range(size):
             p[i] += step[i]
-        # Back into the cone, so that what is returned is feasible.
-        for c in range(mu.size):
-            k = 3 * c
-            p[k + 2] = max(p[k + 2], p_min[c])
-            norm, radius = np.sqrt(p[k] ** 2 + p[k + 1] ** 2), mu[c] * p[k + 2]
-            if norm > radius:
-                p[k] *= radius / norm
-                p[k + 1] *= radius / norm
-        for j in range(low.size):
-            k = 3 * mu.size + j
-            p[k] = min(max(p[k], low[j]), high[j])
+        if damped:
+            _project_back(mu, p_min, low, high, p)
         _velocity(G, g, p, u)
         residual = natural_residual(p, u, mu, p_min, low, high, step_length)
         if not residual > goal:
             break
+    if not damped:
+        _project_back(mu, p_min, low, high, p)
+        _velocity(G, g, p, u)
+        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
     return residual
 
 
@@ -268,7 +280,7 @@ def solve_cone(
     scale = impulse_scales(G, g, mu.size, step_length)
     _velocity(G, g, p, u)
     saved_p, saved_u = np.empty(size), np.empty(size)
-    sweeps, next_newton = 0, 4
+    sweeps, next_newton, attempts = 0, 4, 0
     while True:
         largest = scale
         for i in range(size):
@@ -283,8 +295,9 @@ def solve_cone(
             next_newton = int(1.5 * sweeps)
             for i in range(size):
                 saved_p[i], saved_u[i] = p[i], u[i]
-            if _newton(G, g, mu, p_min, low, high, step_length, p, u, goal, 40) <= goal:
+            if _newton(G, g, mu, p_min, low, high, step_length, p, u, goal, 40, attempts % 2 == 0) <= goal:
                 continue
+            attempts += 1
             for i in range(size):
                 p[i], u[i] = saved_p[i], saved_u[i]
         _sweep(G, mu, p_min, low, high, p, u)
