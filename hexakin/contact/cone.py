@@ -291,8 +291,10 @@ def solve_cone(
         residual = natural_residual(p, u, mu, p_min, low, high, step_length)
         if residual <= goal or sweeps >= max_sweeps:
             return residual / largest, sweeps
+        if sweeps == 0 and attempts == 0 and residual <= 0.1 * largest:
+            next_newton = 0  # a good first guess, such as the last time step's impulses
         if sweeps >= next_newton:
-            next_newton = int(1.5 * sweeps)
+            next_newton = max(4, int(1.5 * sweeps))
             for i in range(size):
                 saved_p[i], saved_u[i] = p[i], u[i]
             if _newton(G, g, mu, p_min, low, high, step_length, p, u, goal, 40, attempts % 2 == 0) <= goal:

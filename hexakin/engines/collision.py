@@ -226,6 +226,15 @@ def _cells(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, 
 
 
 @compiled
+def _extent(R: Array, half: Array, x: float, y: float, z: float) -> float:
+    """How far a box reaches from its centre along a direction."""
+    reach = 0.0
+    for a in range(3):
+        reach += abs(R[0, a] * x + R[1, a] * y + R[2, a] * z) * half[a]
+    return reach
+
+
+@compiled
 def sphere_contacts(
     ground: Ground,
     body: int,
@@ -348,17 +357,20 @@ def vertex_contacts(
 
 
 @compiled
-def box_near(ground: Ground, center: Array, radius: float) -> bool:
-    """Whether the ground may reach into a sphere around a box."""
+def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float) -> bool:
+    """Whether the ground may reach into a box or come within ``margin`` of it."""
     for k in range(ground.planes.shape[0]):
         P = ground.planes[k]
-        if (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5] <= radius:
+        gap = (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5]
+        if gap <= _extent(R, half, P[3], P[4], P[5]) + margin:
             return True
     if ground.items.size > 0:
-        i0, i1, j0, j1 = _cells(ground, center[0], center[1], radius)
+        reach = max(_extent(R, half, 1.0, 0.0, 0.0), _extent(R, half, 0.0, 1.0, 0.0)) + margin
+        low = center[2] - _extent(R, half, 0.0, 0.0, 1.0) - margin
+        i0, i1, j0, j1 = _cells(ground, center[0], center[1], reach)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
-                if ground.top[i * ground.shape[1] + j] >= center[2] - radius:
+                if ground.top[i * ground.shape[1] + j] >= low:
                     return True
     return False
 

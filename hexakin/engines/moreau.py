@@ -46,7 +46,6 @@ class Bodies(NamedTuple):
     box_group: Whole
     box_rotation: Array  # (b, 3, 3)
     box: Array  # (b, 6) centre and half sizes
-    box_radius: Array  # (b,) of the sphere around it
     moves: NDArray[np.bool_]
     floating: Whole
     hinges: Whole
@@ -154,8 +153,8 @@ def find_contacts(
     for k in range(bodies.box_joint.size):
         P, B, joint, group = poses[bodies.box_joint[k]], bodies.box[k], bodies.box_joint[k], bodies.box_group[k]
         _center(P, B, center)
-        if box_near(ground, center, bodies.box_radius[k] + margin):
-            _rotation(P, bodies.box_rotation[k], R)
+        _rotation(P, bodies.box_rotation[k], R)
+        if box_near(ground, R, center, B[3:], margin):
             for corner in range(8):
                 for a in range(3):
                     x[a] = center[a]

@@ -263,7 +263,6 @@ def _bodies(model: pin.Model, shapes: tuple[Sphere | Cuboid, ...], servos: Servo
         box_group=np.array([b.group for b in boxes], dtype=np.int64),
         box_rotation=np.ascontiguousarray(np.array([b.placement[:3, :3] for b in boxes]).reshape(-1, 3, 3)),
         box=np.concatenate([centers, 0.5 * sizes], axis=1),
-        box_radius=0.5 * np.linalg.norm(sizes, axis=1),
         moves=moves,
         floating=np.array(floating, dtype=np.int64).reshape(-1, 2),
         hinges=np.array(hinges, dtype=np.int64).reshape(-1, 2),
