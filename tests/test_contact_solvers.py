@@ -87,7 +87,7 @@ def solve(problem, p=None, tolerance=1e-10):
         servo, state = np.arange(6, 24), np.zeros(18, dtype=np.int64)
         M, r, J = problem.M, problem.r, problem.rows[: 3 * FEET].copy()
         boxes = servo, problem.target, problem.low, problem.high, state
-        solve_impulses(M, r, J, contacts, zero, zero, *boxes, p, s, u, v, 0, 0.0, tolerance, 2000)
+        solve_impulses(M, r, J, contacts, zero, zero, *boxes, p, s, u, v, None, 0.0, tolerance, 2000)
         return np.concatenate([p, s])
     p = np.zeros(problem.g.size) if p is None else p.copy()
     u = np.empty(p.size)
