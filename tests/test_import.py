@@ -8,7 +8,7 @@ import pytest
 
 import hexakin as hk
 
-HEAVY = ("sympy", "pinocchio", "casadi", "pybullet", "matplotlib")
+HEAVY = ("sympy", "pinocchio", "casadi", "pybullet", "matplotlib", "numba")
 
 
 def loaded_after(code):
@@ -36,6 +36,7 @@ def test_a_simulation_loads_only_its_engine():
     )
     assert loaded_after(code) == []
     assert loaded_after("import hexakin.engines.pybullet") == ["pybullet"]
+    assert loaded_after("import hexakin.engines.rigid") == ["pinocchio", "numba"]
 
 
 def test_importing_the_engine_prints_nothing():

@@ -183,11 +183,11 @@ def _residuals(
     else:
         beyond = np.linalg.norm(p[:, :2], axis=1) - mu * p[:, 2]
         slip = np.linalg.norm(u[:, :2], axis=1)
-    missing = mu * p[:, 2] * slip + (p[:, :2] * u[:, :2]).sum(axis=1)
+    missing = (mu * p[:, 2] * slip + (p[:, :2] * u[:, :2]).sum(axis=1)) / impulse / speed
     return Residuals(
         gap=float(max(0.0, (-u[:, 2]).max(initial=0.0)) / speed),
-        complementarity=float(np.abs((p[:, 2] - least) * u[:, 2]).max(initial=0.0) / (impulse * speed)),
+        complementarity=float(np.abs((p[:, 2] - least) / impulse * u[:, 2] / speed).max(initial=0.0)),
         cone=float(max(0.0, beyond.max(initial=0.0)) / impulse),
-        dissipation=float(np.abs(missing).max(initial=0.0) / (impulse * speed)),
+        dissipation=float(np.abs(missing).max(initial=0.0)),
         solver=float(solver),
     )
