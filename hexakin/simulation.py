@@ -43,7 +43,8 @@ def simulate(
     The robot is put on the terrain at the origin, upright on its local slope, in the standing pose
     with each angle off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
     [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and
-    ``time_step`` in s. Equal arguments give equal recordings.
+    ``time_step`` in s. ``engine`` is "pybullet" or "rigid"; ``engine_options`` are those of its class. Equal arguments
+    give equal recordings.
 
     Raises UnknownNameError for an unknown engine, InvalidInputError for a terrain or number that cannot
     be used, SimulationError when the state is no longer finite or the robot falls out of the scene.

@@ -320,39 +320,44 @@ def vertex_contacts(
     contacts: Contacts,
     count: int,
 ) -> int:
-    """Append the ground's peaks that poke into a body's box of half sizes ``half`` (3,), posed in the world."""
+    """Append the ground's peaks that poke into a body's box of half sizes ``half`` (3,), posed in the world.
+
+    Of all peaks in a quarter of a face only the deepest counts: four points hold a box as well as a hundred.
+    """
     shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
-    spread = np.empty(3)
+    spread, local = np.empty(3), np.empty(3)
     for a in range(3):
         spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
+    best, deepest = np.full(24, -1, dtype=np.int64), np.full(24, -margin)
     i0, i1, j0, j1 = _cells(ground, center[0], center[1], max(spread[0], spread[1]))
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
             c = i * ground.shape[1] + j
             for index in range(ground.start[c], ground.start[c + 1]):
                 item = ground.items[index] - shapes
-                if item < 0:
+                if item < 0 or abs(ground.vertices[item, 2] - center[2]) > spread[2]:
                     continue
-                V = ground.vertices[item]
-                if abs(V[2] - center[2]) > spread[2] or count >= contacts.gap.size:
-                    continue
-                depth, axis, sign = np.inf, 0, 1.0
+                depth, axis = np.inf, 0
                 for a in range(3):
-                    local = 0.0
+                    local[a] = 0.0
                     for b in range(3):
-                        local += R[b, a] * (V[b] - center[b])
-                    distance = half[a] - abs(local)
-                    if distance < depth:
-                        depth, axis, sign = distance, a, 1.0 if local > 0.0 else -1.0
-                if depth < -margin:
-                    continue
-                contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
-                for b in range(3):
-                    contacts.point[count, b] = V[b]
-                    contacts.normal[count, b] = -sign * R[b, axis]
-                contacts.gap[count], contacts.group[count] = -depth, group
-                contacts.key[count] = -1
-                count += 1
+                        local[a] += R[b, a] * (ground.vertices[item, b] - center[b])
+                    if half[a] - abs(local[a]) < depth:
+                        depth, axis = half[a] - abs(local[a]), a
+                # The octant tells the side of the face and the quarter of it.
+                octant = (local[0] > 0.0) + 2 * (local[1] > 0.0) + 4 * (local[2] > 0.0)
+                if depth > deepest[8 * axis + octant]:
+                    best[8 * axis + octant], deepest[8 * axis + octant] = item, depth
+    for k in range(24):
+        if best[k] >= 0 and count < contacts.gap.size:
+            axis = k // 8
+            sign = 1.0 if (k % 8) & (1 << axis) else -1.0
+            contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
+            for b in range(3):
+                contacts.point[count, b] = ground.vertices[best[k], b]
+                contacts.normal[count, b] = -sign * R[b, axis]
+            contacts.gap[count], contacts.group[count], contacts.key[count] = -deepest[k], group, -1
+            count += 1
     return count
 
 

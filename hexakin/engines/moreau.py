@@ -25,7 +25,7 @@ from hexakin.contact.impulses import solve_impact, solve_impulses
 from hexakin.engines.collision import Contacts, Ground, box_near, box_pairs, sphere_contacts, vertex_contacts
 from hexakin.transforms import Array
 
-CAPACITY = 64  # contacts at a time
+CAPACITY = 128  # contacts at a time
 _SLOP = 1e-3  # [m] penetration that is left alone
 _PUSH_TIME = 0.05  # [s] in which deeper penetration is taken back ...
 _PUSH_SPEED = 0.1  # ... [m/s] but not faster than this
@@ -377,8 +377,8 @@ def march(
     """
     while True:
         found, near = find_contacts(poses, bodies, ground, law.margin, contacts, pairs)
+        state.found[0] = found
         if near > 0 or bodies.meeting:
-            state.found[0] = found
             yield near
             found = state.found[0]
         solve_step(M, bias_force, J, q, command, bodies, contacts, found, law, facets, state)

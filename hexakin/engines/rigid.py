@@ -21,7 +21,12 @@ class RigidEngine(Engine):
     """A robot under ``MoreauStepper``: feet are spheres, torso and limbs boxes, as in the robot's URDF.
 
     The servo is PyBullet's: a motor that moves its joint at rate * (command - angle) within its torque limit. Here the
-    angle is that at the end of the step, so that a servo neither overshoots nor chatters at any step.
+    angle is that at the end of the step, so that a servo neither overshoots nor chatters at any step. Joint limits are
+    the controller's business: there are no stops.
+
+    ``restitution_law``, ``restitution_threshold`` [m/s] and ``facets`` (None for the exact friction cone) are those of
+    ``MoreauStepper``. Each step's contact forces are solved to ``solver_tolerance``; readings tell what was reached,
+    and SimulationError ends a run whose relative residual exceeds 1e-3. Equal runs give bit-identical readings.
     """
 
     packages = ("pin", "coal", "numba")

@@ -186,6 +186,10 @@ class MoreauStepper:
                 state.found[0] = self._touch.add(data, self._pairs[:near], self._law.reach, self._contacts, found)
                 next(loop)
             self.steps += 1
+            if state.found[0] >= CAPACITY:
+                raise SimulationError(
+                    f"rigid: more than {CAPACITY - 1} contacts at t = {self.steps * self.time_step:g} s"
+                )
             residual = float(state.sums[3])
             if not residual <= self._law.tolerance:
                 self._unsolved(residual)
