@@ -33,6 +33,12 @@ def test_a_point_leaves_at_its_restitution(law, xi):
     assert solution.impulse[0, 2] == pytest.approx(3.0 * 2.0 * (1 + xi))
 
 
+def test_a_compression_that_ends_exactly_at_rest_still_expands():
+    """Then neither impulses nor velocities are left to tell the scale, only what is to be given back."""
+    solution = solve(ContactProblem(np.eye(3), [0, 0, -1.0], np.eye(3)[None], approach=-1.0), restitution=0.5)
+    assert solution.velocity == pytest.approx([0, 0, 0.5])
+
+
 def test_the_paper_counts_the_compression_impulse_twice():
     """A-E6: with xi = 0.5 the printed A(5) lets a ball leave at 1.5 times its speed."""
     solution = solve(falling_point(), restitution=0.5)

@@ -204,6 +204,12 @@ def test_height_and_contacts_converge_with_the_step(athena):
     assert np.abs(np.diff(contacts))[-1] < 0.02
 
 
+def test_the_papers_step_of_50_ms_neither_falls_nor_fails(athena):
+    recording = walk(athena, hk.terrain.Ramp(), 2.0, time_step=0.05)
+    assert np.median(recording.height) == pytest.approx(0.102, abs=4e-3)
+    assert recording.penetration.max() < 5e-3 and recording.torso_force.max() == 0.0
+
+
 def test_ten_minutes_of_walking_keep_their_books(athena):
     recording = walk(athena, hk.terrain.Plane(), 600.0, time_step=0.002)
     for name in ("T_world_body", "q", "foot_force", "energy"):

@@ -285,6 +285,8 @@ def solve_cone(
         largest = scale
         for i in range(size):
             largest = max(largest, abs(p[i]))
+        for c in range(mu.size):
+            largest = max(largest, p_min[c])
         if largest == 0.0:
             return 0.0, sweeps
         goal = tolerance * largest

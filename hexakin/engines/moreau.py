@@ -25,7 +25,7 @@ from hexakin.contact.impulses import solve_impact, solve_impulses
 from hexakin.engines.collision import Contacts, Ground, box_near, box_pairs, sphere_contacts, vertex_contacts
 from hexakin.transforms import Array
 
-CAPACITY = 128  # contacts at a time
+CAPACITY = 256  # contacts at a time; at steps of 50 ms every corner of ATHENA's boxes is a candidate
 _SLOP = 1e-3  # [m] penetration that is left alone
 _PUSH_TIME = 0.05  # [s] in which deeper penetration is taken back ...
 _PUSH_SPEED = 0.1  # ... [m/s] but not faster than this
