@@ -8,7 +8,8 @@ import numpy as np
 
 from hexakin.compiled import Whole, compiled
 from hexakin.dynamics import coal, pin
-from hexakin.engines.collision import Contacts, Ground
+from hexakin.engines.collision import Contacts
+from hexakin.engines.ground import Ground
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.transforms import Array
 

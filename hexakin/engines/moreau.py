@@ -22,36 +22,14 @@ from numpy.typing import NDArray
 
 from hexakin.compiled import Whole, compiled
 from hexakin.contact.impulses import solve_impact, solve_impulses
-from hexakin.engines.collision import Contacts, Ground, box_near, box_pairs, sphere_contacts, vertex_contacts
+from hexakin.engines.collision import Bodies, Contacts, find_contacts
+from hexakin.engines.ground import Ground
 from hexakin.transforms import Array
 
 CAPACITY = 256  # contacts at a time; at steps of 50 ms every corner of ATHENA's boxes is a candidate
 _SLOP = 1e-3  # [m] penetration that is left alone
 _PUSH_TIME = 0.05  # [s] in which deeper penetration is taken back ...
 _PUSH_SPEED = 0.1  # ... [m/s] but not faster than this
-
-
-class Bodies(NamedTuple):
-    """Shapes on bodies and the tree that moves them.
-
-    ``moves`` (joint, coordinate) tells whether the coordinate moves the joint's body; ``floating`` and ``hinges``
-    (k, 2) where the coordinates of free and revolute joints begin in q and v. ``meeting`` is true if bodies can meet
-    each other.
-    """
-
-    sphere_joint: Whole
-    sphere_group: Whole
-    sphere: Array  # (s, 4) centre and radius
-    box_joint: Whole
-    box_group: Whole
-    box_rotation: Array  # (b, 3, 3)
-    box: Array  # (b, 6) centre and half sizes
-    moves: NDArray[np.bool_]
-    floating: Whole
-    hinges: Whole
-    servo: Whole
-    servo_q: Whole
-    meeting: bool
 
 
 class Law(NamedTuple):
@@ -107,68 +85,6 @@ def _tangent(n: Array, t: Array) -> None:
     norm = np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     for a in range(3):
         t[a] /= norm
-
-
-@compiled
-def _center(P: Array, x: Array, out: Array) -> None:
-    """Point x of a joint's frame in the world; a pose's row is its rotation, column by column, and its translation."""
-    for a in range(3):
-        out[a] = P[a] * x[0] + P[3 + a] * x[1] + P[6 + a] * x[2] + P[9 + a]
-
-
-@compiled
-def _rotation(P: Array, R_joint: Array, out: Array) -> None:
-    for a in range(3):
-        for b in range(3):
-            out[a, b] = P[a] * R_joint[0, b] + P[3 + a] * R_joint[1, b] + P[6 + a] * R_joint[2, b]
-
-
-@compiled
-def find_contacts(
-    poses: Array, bodies: Bodies, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
-) -> tuple[int, int]:
-    """Seek contacts of spheres and boxes with the ground.
-
-    Returns how many, and how many ``pairs`` (body's box, ground's box) are near; these are left to a library.
-    """
-    count, near, number, x = 0, 0, 0, np.empty(3)
-    for k in range(bodies.sphere_joint.size):
-        S = bodies.sphere[k]
-        _center(poses[bodies.sphere_joint[k]], S, x)
-        count = sphere_contacts(
-            ground,
-            bodies.sphere_joint[k],
-            bodies.sphere_group[k],
-            number,
-            x[0],
-            x[1],
-            x[2],
-            S[3],
-            margin,
-            contacts,
-            count,
-        )
-        number += 1
-    R, center = np.empty((3, 3)), np.empty(3)
-    for k in range(bodies.box_joint.size):
-        P, B, joint, group = poses[bodies.box_joint[k]], bodies.box[k], bodies.box_joint[k], bodies.box_group[k]
-        _center(P, B, center)
-        _rotation(P, bodies.box_rotation[k], R)
-        if box_near(ground, R, center, B[3:], margin):
-            for corner in range(8):
-                for a in range(3):
-                    x[a] = center[a]
-                    for b in range(3):
-                        x[a] += R[a, b] * (B[3 + b] if corner & (1 << b) else -B[3 + b])
-                count = sphere_contacts(
-                    ground, joint, group, number + corner, x[0], x[1], x[2], 0.0, margin, contacts, count
-                )
-            if ground.vertices.shape[0] > 0:
-                count = vertex_contacts(ground, joint, group, R, center, B[3:], margin, contacts, count)
-            if ground.boxes.shape[0] > 0:
-                near = box_pairs(ground, k, R, center, B[3:], margin, pairs, near)
-        number += 8
-    return count, near
 
 
 @compiled

@@ -50,7 +50,6 @@ class RigidEngine(Engine):
         model = build_model(robot)
         names = [f"{joint}_{leg + 1}" for leg in range(robot.num_legs) for joint in robot.table.joints]
         joints = tuple(model.getJointId(name) for name in names)
-        self._model = model
         self._stepper = MoreauStepper(
             model,
             _shapes(robot, model, joints),

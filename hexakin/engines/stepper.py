@@ -12,8 +12,9 @@ from hexakin.contact.impulses import HOLDS
 from hexakin.contact.problem import check_facets
 from hexakin.dynamics import GRAVITY, pin
 from hexakin.engines.box_touch import BoxTouch
-from hexakin.engines.collision import compile_ground, empty_contacts
-from hexakin.engines.moreau import CAPACITY, Bodies, Law, State, drift, march
+from hexakin.engines.collision import Bodies, empty_contacts
+from hexakin.engines.ground import compile_ground
+from hexakin.engines.moreau import CAPACITY, Law, State, drift, march
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
 from hexakin.terrain import Terrain

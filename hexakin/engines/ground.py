@@ -1,0 +1,194 @@
+"""A terrain sorted into a grid, and the point of it that is nearest to a point, compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hexakin.compiled import Whole, compiled
+from hexakin.exceptions import InvalidInputError
+from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.transforms import Array
+
+SAME = 1e-9  # [m] points this close are one
+
+
+class Ground(NamedTuple):
+    """A terrain for the compiled search.
+
+    ``planes`` (k, 6): point and normal. ``boxes`` (b, 6): lower and upper corner. ``triangles`` (t, 12): three
+    vertices and the normal. ``vertices`` (w, 3) of the triangles. Boxes, triangles and vertices, in this order of
+    numbers, lie in the square cells that their footprints meet: ``items[start[c]:start[c + 1]]`` of cell
+    c = i * shape[1] + j, with the grid's ``corner`` (x, y) and ``cell`` size [m]; ``top`` (cells,) is the highest point
+    of each.
+    """
+
+    planes: Array
+    boxes: Array
+    triangles: Array
+    vertices: Array
+    corner: Array
+    cell: float
+    shape: Whole
+    start: Whole
+    items: Whole
+    top: Array
+
+
+def compile_ground(terrain: Terrain) -> Ground:
+    """Sort a terrain's shapes into a grid; raises InvalidInputError for a shape that is not known here."""
+    planes, boxes, meshes = [], [], []
+    for shape in terrain.shapes():
+        if isinstance(shape, HalfSpace):
+            planes.append([*shape.point, *shape.normal])
+        elif isinstance(shape, Box):
+            boxes.append([*shape.lower, *shape.upper])
+        elif isinstance(shape, TriangleMesh):
+            meshes.append(shape)
+        else:
+            raise InvalidInputError(f"terrain: shape {shape!r:.80} is not known to engine 'rigid'")
+    corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes] or [np.zeros((0, 3, 3))])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    if (sizes <= 0.0).any():
+        raise InvalidInputError(f"terrain: triangle {int(np.argmin(sizes)) + 1} of its mesh has no area")
+    triangles = np.concatenate([corners.reshape(-1, 9), normals / sizes], axis=1)
+    vertices = np.concatenate([mesh.vertices for mesh in meshes] or [np.zeros((0, 3))])
+    solid = np.array(boxes, dtype=float).reshape(-1, 6)
+    low = np.concatenate([solid[:, :2], corners[:, :, :2].min(axis=1), vertices[:, :2]])
+    high = np.concatenate([solid[:, 3:5], corners[:, :, :2].max(axis=1), vertices[:, :2]])
+    owners = range(len(low))
+    if len(low) == 0:
+        low = high = np.zeros((1, 2))
+    areal = (high - low).max(axis=1)
+    areal = areal[areal > 0.0]
+    corner = low.min(axis=0)
+    span = high.max(axis=0) - corner
+    # About one shape to a cell, and never more than a million cells.
+    cell = float(max(np.median(areal) if len(areal) else 1.0, np.sqrt(span[0] * span[1] / 1e6), 1e-6))
+    shape = np.floor(span / cell).astype(np.int64) + 1
+    first, last = np.floor((low - corner) / cell).astype(int), np.floor((high - corner) / cell).astype(int)
+    members: list[list[int]] = [[] for _ in range(int(shape[0] * shape[1]))]
+    for k in owners:
+        for i in range(first[k, 0], last[k, 0] + 1):
+            for j in range(first[k, 1], last[k, 1] + 1):
+                members[i * int(shape[1]) + j].append(k)
+    start = np.concatenate([[0], np.cumsum([len(cell_items) for cell_items in members])]).astype(np.int64)
+    items = np.array([k for cell_items in members for k in cell_items], dtype=np.int64)
+    heights = np.concatenate([solid[:, 5], corners[:, :, 2].max(axis=1), vertices[:, 2]])
+    top = np.array([max((heights[k] for k in cell_items), default=-np.inf) for cell_items in members])
+    half_spaces = np.array(planes, dtype=float).reshape(-1, 6)
+    return Ground(half_spaces, solid, triangles, vertices, corner, cell, shape, start, items, top)
+
+
+@compiled
+def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
+    """Closest point of a triangle, and whether it lies inside (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    ax, ay, az = T[0], T[1], T[2]
+    ux, uy, uz = T[3] - ax, T[4] - ay, T[5] - az
+    wx, wy, wz = T[6] - ax, T[7] - ay, T[8] - az
+    qx, qy, qz = px - ax, py - ay, pz - az
+    d1, d2 = ux * qx + uy * qy + uz * qz, wx * qx + wy * qy + wz * qz
+    if d1 <= 0.0 and d2 <= 0.0:
+        return ax, ay, az, False
+    uu, uw, ww = ux * ux + uy * uy + uz * uz, ux * wx + uy * wy + uz * wz, wx * wx + wy * wy + wz * wz
+    d3, d4 = d1 - uu, d2 - uw
+    if d3 >= 0.0 and d4 <= d3:
+        return T[3], T[4], T[5], False
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        s = d1 / (d1 - d3)
+        return ax + s * ux, ay + s * uy, az + s * uz, False
+    d5, d6 = d1 - uw, d2 - ww
+    if d6 >= 0.0 and d5 <= d6:
+        return T[6], T[7], T[8], False
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        s = d2 / (d2 - d6)
+        return ax + s * wx, ay + s * wy, az + s * wz, False
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        s = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return T[3] + s * (wx - ux), T[4] + s * (wy - uy), T[5] + s * (wz - uz), False
+    total = 1.0 / (va + vb + vc)
+    s, t = vb * total, vc * total
+    return ax + s * ux + t * wx, ay + s * uy + t * wy, az + s * uz + t * wz, True
+
+
+@compiled
+def _box_distance(B: Array, x: float, y: float, z: float) -> float:
+    """Distance from a point to a box, 0 inside."""
+    dx, dy, dz = max(B[0] - x, 0.0, x - B[3]), max(B[1] - y, 0.0, y - B[4]), max(B[2] - z, 0.0, z - B[5])
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@compiled
+def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: Array) -> None:
+    """Closest point (3), direction from it (3) and signed distance of one shape, into ``row`` (7,)."""
+    if item < ground.boxes.shape[0]:
+        B = ground.boxes[item]
+        cx, cy, cz = min(max(x, B[0]), B[3]), min(max(y, B[1]), B[4]), min(max(z, B[2]), B[5])
+        dx, dy, dz = x - cx, y - cy, z - cz
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance > 0.0:
+            row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
+        else:
+            # The centre is inside: out through the nearest face, but for the bottom.
+            distance, row[3], row[4], row[5] = z - B[5], 0.0, 0.0, 1.0
+            cz = B[5]
+            for axis in range(2):
+                c = x if axis == 0 else y
+                for side in range(2):
+                    depth = B[axis] - c if side == 0 else c - B[3 + axis]
+                    if depth > distance:
+                        sign = -1.0 if side == 0 else 1.0
+                        distance, row[3], row[4], row[5] = depth, 0.0, 0.0, 0.0
+                        row[3 + axis] = sign
+            cx, cy, cz = x - distance * row[3], y - distance * row[4], z - distance * row[5]
+    else:
+        T = ground.triangles[item - ground.boxes.shape[0]]
+        cx, cy, cz, inside = _nearest_on_triangle(T, x, y, z)
+        dx, dy, dz = x - cx, y - cy, z - cz
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        below = dx * T[9] + dy * T[10] + dz * T[11] < 0.0
+        if inside or distance <= SAME:
+            row[3], row[4], row[5] = T[9], T[10], T[11]
+            distance = -distance if below else distance
+        elif below:
+            distance = np.inf  # seen from behind, past its edge: a neighbour's business
+        else:
+            row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
+    row[0], row[1], row[2], row[6] = cx, cy, cz, distance
+
+
+@compiled
+def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
+    """Like ``nearest_point`` for a point that may be under ground: the plane of the triangle over or under it."""
+    row[6] = np.inf
+    for k in range(3):
+        a, b = 3 * k, 3 * ((k + 1) % 3)
+        if (T[b] - T[a]) * (y - T[a + 1]) - (T[b + 1] - T[a + 1]) * (x - T[a]) < 0.0:
+            return
+    distance = (x - T[0]) * T[9] + (y - T[1]) * T[10] + (z - T[2]) * T[11]
+    row[0], row[1], row[2] = x - distance * T[9], y - distance * T[10], z - distance * T[11]
+    row[3], row[4], row[5], row[6] = T[9], T[10], T[11], distance
+
+
+@compiled
+def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
+    """Whether a point belongs to a box or triangle."""
+    if item < ground.boxes.shape[0]:
+        return _box_distance(ground.boxes[item], x, y, z) <= SAME
+    cx, cy, cz, _ = _nearest_on_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z)
+    return (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2 <= SAME * SAME
+
+
+@compiled
+def cells_within(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """First and last cell (i, j) within ``reach`` of a point; empty outside the grid."""
+    i0 = max(int(np.floor((x - reach - ground.corner[0]) / ground.cell)), 0)
+    i1 = min(int(np.floor((x + reach - ground.corner[0]) / ground.cell)), ground.shape[0] - 1)
+    j0 = max(int(np.floor((y - reach - ground.corner[1]) / ground.cell)), 0)
+    j1 = min(int(np.floor((y + reach - ground.corner[1]) / ground.cell)), ground.shape[1] - 1)
+    return i0, i1, j0, j1
