@@ -55,7 +55,9 @@ class ControlRun(Protocol):
 class Controller(Protocol):
     """A controller is a value that can be started any number of times; equal runs give equal commands."""
 
-    robot: Robot
+    @property
+    def robot(self) -> Robot:
+        """The robot that it was made for."""
 
     @property
     def phases_per_cycle(self) -> int:

@@ -115,3 +115,7 @@ class ContactError(HexakinError, ArithmeticError):
             f"contact problem not solved: relative residual {residual:.2g} after {iterations} iterations, "
             f"tolerance {tolerance:.2g}"
         )
+
+
+class StudyError(HexakinError, RuntimeError):
+    """A study cannot start or go on: its files belong to something else, the disk is full, or a run is faulty."""

@@ -16,36 +16,37 @@ from matplotlib.patches import FancyBboxPatch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
+from hexakin.block_faces import BlockFaces, SolidFaces, block_columns
+from hexakin.charts import bar_effects, box_groups, draw_boxes, heat_map
+from hexakin.exceptions import InvalidInputError
+from hexakin.figure_style import (
+    BLUE,
+    CONTROLLED,
+    ENGINE_COLOURS,
+    GREEN,
+    GREY,
+    LEG_COLOURS,
+    MM,
+    ORANGE,
+    PURPLE,
+    RED,
+    SIMPLE,
+    STYLE,
+    save_pdf,
+    use_style,
+)
 from hexakin.kinematics import forward_kinematics, segment_poses
 from hexakin.robot import SEGMENT_NAMES, Robot
 from hexakin.terrain import Terrain
-from hexakin.transforms import Array, transform_points
+from hexakin.transforms import Array, check_array, transform_points
 from hexakin.walker import WalkPlan
 
-# Okabe and Ito's colours, which stay apart for colour-blind readers.
-BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
-LEG_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#999933", "#332288")
-SIMPLE, CONTROLLED = GREY, BLUE
-MM = 1e3
-
-STYLE: dict[str, Any] = {
-    "figure.dpi": 100,
-    "figure.constrained_layout.use": True,
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.5,
-    "lines.linewidth": 1.2,
-    "legend.frameon": False,
-    "axes.prop_cycle": plt.cycler(color=LEG_COLOURS),
-}
-
-
-def use_style() -> None:
-    """Set the style of every figure that follows."""
-    plt.rcParams.update(STYLE)  # type: ignore[arg-type]
+__all__ = [
+    "BLUE", "CONTROLLED", "ENGINE_COLOURS", "GREEN", "GREY", "LEG_COLOURS", "MM", "ORANGE", "PURPLE", "RED", "SIMPLE",
+    "STYLE", "axes_3d", "bar_effects", "box_groups", "draw_boxes", "draw_frame", "draw_joint_angles", "draw_plan",
+    "draw_plane", "draw_robot", "draw_skeleton", "draw_terrain", "draw_wireframe", "flow_chart", "heat_map",
+    "plot_leg_angles", "save_pdf", "set_equal_3d", "use_style",
+]  # fmt: skip
 
 
 def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimuth: float = -60.0) -> Any:
@@ -85,7 +86,10 @@ def _sphere(center: Array, radius: float) -> Array:
 def draw_robot(
     ax: Any, robot: Robot, q: ArrayLike, T_world_body: ArrayLike | None = None, *, labels: bool = True
 ) -> None:
-    """Draw the robot's boxes and spheres; ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); leg numbers count from 1."""
+    """Draw the robot's boxes and spheres; ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); leg numbers count from 1.
+
+    Blocks that `draw_terrain` drew hide what lies behind them.
+    """
     T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
     feet = transform_points(T, forward_kinematics(robot, q))
     segments = segment_poses(robot, q)
@@ -102,9 +106,7 @@ def draw_robot(
         faces.append(sphere)
         colours += [to_rgba("#404040")] * len(sphere)
     polygons = np.concatenate(faces) * MM
-    ax.add_collection3d(
-        Poly3DCollection(polygons, facecolors=colours, edgecolors="k", linewidths=0.15, zorder=3, shade=True)
-    )
+    ax.add_collection3d(SolidFaces(polygons, colours, edgecolors="k", linewidths=0.15, zorder=3))
     if labels:
         for leg, foot in enumerate(feet):
             outward = (foot - T[:3, 3]) * [1.0, 1.0, 0.0]
@@ -223,9 +225,22 @@ def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
 def draw_terrain(
     ax: Any, terrain: Terrain, low: tuple[float, float], high: tuple[float, float], *, spacing: float = 0.05
 ) -> None:
-    """Draw the ground between ``low`` and ``high`` (x, y) [m] as a grid of tiles."""
-    x = np.arange(low[0], high[0] + spacing / 2, spacing)
-    y = np.arange(low[1], high[1] + spacing / 2, spacing)
+    """Draw the ground between ``low`` and ``high`` (x, y) [m].
+
+    A terrain of boxes is drawn as blocks, the higher the lighter, cut off at the edges of the window, and hides what
+    lies behind it of robots drawn on the same axes. Others are drawn as a grid of tiles, ``spacing`` [m] wide.
+    """
+    x_low, y_low = check_array("low", low, (2,), ("coordinate",))
+    x_high, y_high = check_array("high", high, (2,), ("coordinate",))
+    if x_low >= x_high or y_low >= y_high:
+        raise InvalidInputError(f"low, high: ({x_low:g}, {y_low:g}) m is not below ({x_high:g}, {y_high:g}) m")
+    columns = block_columns(terrain, (x_low, y_low), (x_high, y_high))
+    if columns is not None:
+        ax.add_collection3d(blocks := BlockFaces(*(corners * MM for corners in columns), zorder=0))
+        ax.auto_scale_xyz(*blocks.corners.T)
+        return
+    x = np.arange(x_low, x_high + spacing / 2, spacing)
+    y = np.arange(y_low, y_high + spacing / 2, spacing)
     X, Y = np.meshgrid(x, y)
     p = np.stack([X, Y, terrain.height(X, Y)], axis=-1) * MM
     tiles = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
@@ -240,33 +255,6 @@ def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = O
     ax.add_collection3d(Poly3DCollection([triangle], facecolors=colour, alpha=0.4, edgecolors=colour, zorder=1))
     center, tip = triangle.mean(axis=0), triangle.mean(axis=0) + arrow * MM * np.asarray(normal)
     ax.quiver(*center, *(tip - center), color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
-
-
-def box_groups(
-    ax: Axes, groups: Sequence[Sequence[ArrayLike]], labels: Sequence[str], colours: Sequence[str], ylabel: str
-) -> None:
-    """Box plots in groups side by side: ``groups[g]`` holds samples (n,), one thin box for each."""
-    width, position, ticks = 0.7, 0.0, []
-    for sample, colour in zip(groups, colours, strict=True):
-        values = [np.asarray(repeat) for repeat in sample]
-        places = position + np.arange(len(values))
-        ax.boxplot(
-            values,
-            positions=list(places),
-            widths=width,
-            patch_artist=True,
-            manage_ticks=False,
-            flierprops={"marker": ".", "markersize": 2, "markeredgecolor": colour},
-            boxprops={"facecolor": colour, "alpha": 0.6, "linewidth": 0.6},
-            medianprops={"color": "k", "linewidth": 1.2},
-            whiskerprops={"linewidth": 0.6},
-            capprops={"linewidth": 0.6},
-        )
-        ticks.append(float(places.mean()))
-        position = places[-1] + 2.0
-    ax.set_xticks(ticks, labels)
-    ax.set_ylabel(ylabel)
-    ax.grid(axis="x", visible=False)
 
 
 def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:

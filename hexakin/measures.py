@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.recording import Recording
 from hexakin.transforms import Array, check_array, read_only
 
@@ -62,16 +62,29 @@ def quartiles(values: ArrayLike) -> Quartiles:
 
 
 def body_rates(recording: Recording) -> tuple[Array, Array]:
-    """Pitch rate about the axis to the right and roll rate about the axis ahead, (n,) each [rad/s]."""
+    """Pitch rate about the axis to the right and roll rate about the axis ahead, (n,) each [rad/s], at the ticks."""
     omega = recording.body_angular_velocity
     return omega @ recording.right, omega @ recording.forward
 
 
-def per_cycle(recording: Recording) -> CycleMeasures:
+def mean_square_rates(recording: Recording) -> tuple[Array, Array]:
+    """Mean squares of pitch and roll rate over the physics steps of the tick before, (n,) each [rad^2/s^2]."""
+    axes = (recording.right, recording.forward)
+    pitch, roll = (np.einsum("i,nij,j->n", axis, recording.body_rate_moment, axis) for axis in axes)
+    return pitch, roll
+
+
+def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps") -> CycleMeasures:
     """Measures of every gait cycle that the recording holds whole.
 
-    Raises InvalidInputError if there is none.
+    ``rates`` are taken over every physics ``"steps"`` or, as an IMU read at the control rate would have them, at the
+    ``"ticks"`` alone: these miss most of the motion, since the torso tips for a few hundredths of a second after a
+    change of phase and is at rest again by the next tick.
+
+    Raises InvalidInputError if there is no whole cycle.
     """
+    if rates not in ("steps", "ticks"):
+        raise UnknownNameError("rates", rates, ["steps", "ticks"])
     cycle = recording.cycle
     # The last cycle is whole if its last phase is there and as long as the shortest before it.
     per_phase = np.bincount(recording.phase)
@@ -80,12 +93,12 @@ def per_cycle(recording: Recording) -> CycleMeasures:
     whole = [k for k in range(cycle[-1] + 1) if k < cycle[-1] or ended]
     if not whole:
         raise InvalidInputError(f"recording: {recording.time[-1]:g} s hold no whole gait cycle")
-    pitch, roll = body_rates(recording)
+    squares = mean_square_rates(recording) if rates == "steps" else [rate**2 for rate in body_rates(recording)]
     ticks = [cycle == k for k in whole]
     return CycleMeasures(
         height=np.array([rms(recording.height[t]) for t in ticks]),
-        pitch_rate=np.array([rms(pitch[t]) for t in ticks]),
-        roll_rate=np.array([rms(roll[t]) for t in ticks]),
+        pitch_rate=np.array([np.sqrt(np.mean(squares[0][t])) for t in ticks]),
+        roll_rate=np.array([np.sqrt(np.mean(squares[1][t])) for t in ticks]),
         torso_contact=np.array([np.mean(recording.torso_force[t] > 0.0) for t in ticks]),
         limb_contact=np.array([np.mean(recording.limb_force[t] > 0.0) for t in ticks]),
     )

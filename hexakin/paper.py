@@ -1,108 +1,274 @@
-"""What paper A reports, and verdicts on it computed from repeated runs."""
+"""What paper A reports, statement by statement, and tables of verdicts on it computed from repeated runs.
+
+How the paper's words are read:
+
+- "Variation", "variance", "oscillation" are the interquartile range. "Stability" without a number is both the median
+  and the interquartile range, as the paper has it for Fig. 10(b), with a statement for each.
+- "No significant effect", "identical" and "negligible" allow a median to change by 10 % and an interquartile range by
+  50 %: two samples of 24 cycles of one normal distribution differ that much in one case of seven.
+- "Most" and "least" are among all six levels of a gain, simple control included.
+- "The ZMP is within the support polygon" is judged on the polygon of the feet commanded to be in stance: that of the
+  loaded feet the zero-moment point of A(32) cannot leave, so that there the statement is empty (A-E18).
+"""
 
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
+import pandas as pd
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.robot_file import DATA
-from hexakin.transforms import check_array
+from hexakin.verdicts import (
+    CHANGES,
+    CHOSEN,
+    EXTREMES,
+    GAINS,
+    KINDS,
+    LEVELS,
+    MIN_AGREEMENT,
+    STATISTICS,
+    UNITS,
+    Statement,
+    Verdict,
+    change_percent,
+    check_runs,
+    judge,
+    judge_checked,
+)
 
-KINDS = ("change_percent", "direction", "unchanged")
+__all__ = [
+    "CHOSEN",
+    "LEVELS",
+    "MIN_AGREEMENT",
+    "Statement",
+    "Verdict",
+    "change_percent",
+    "claim",
+    "counts",
+    "judge",
+    "robustness",
+    "statements",
+    "summary",
+    "verdicts",
+]
 
-MIN_AGREEMENT = 0.9
-"""Share of the repeats that must go the paper's way for a direction to count as found."""
+VERDICTS = ("reproduced", "same direction", "not reproduced", "no data")
 
-
-@dataclass(frozen=True)
-class Statement:
-    """One thing that the paper says of posture control against simple control.
-
-    ``kind`` is ``"change_percent"`` (``value`` is the change in percent), ``"direction"`` (``value`` is its sign)
-    or ``"unchanged"`` (within ``tolerance`` percent, our reading of "negligible").
-    """
-
-    id: str
-    figure: str
-    scenario: str
-    measure: str
-    statistic: str
-    kind: str
-    value: float
-    tolerance: float | None
-    wording: str
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A statement beside what was measured, and what follows.
-
-    ``median``, ``low`` and ``high`` (5th and 95th percentile) are changes in percent over the repeats;
-    ``agreement`` is the share of repeats that go the paper's way.
-    """
-
-    statement: Statement
-    median: float
-    low: float
-    high: float
-    agreement: float
-    verdict: str
+_FIELDS = tuple(Statement.__dataclass_fields__)
+_WITH_VALUE = ("change_percent", "direction", "value")
+_WITH_TOLERANCE = ("change_percent", "unchanged", "value")
 
 
 def statements(name: str = "athena", path: Path | None = None) -> dict[str, Statement]:
-    """Statements of ``data/paper/<name>.csv`` by their id."""
+    """Statements of ``data/paper/<name>.csv``, or of the file ``path``, by their id.
+
+    Raises UnknownNameError for a paper that is not there, InvalidInputError naming the line of a bad row.
+    """
     file = path or DATA / "paper" / f"{name}.csv"
     if not file.is_file():
         raise UnknownNameError("paper", name, sorted(p.stem for p in (DATA / "paper").glob("*.csv")))
+    return _read(file)
+
+
+def _read(file: Path) -> dict[str, Statement]:
     found: dict[str, Statement] = {}
     with open(file, newline="", encoding="utf-8") as stream:
-        for line, row in enumerate(csv.DictReader(stream), start=2):
+        reader = csv.DictReader(stream)
+        if tuple(reader.fieldnames or ()) != _FIELDS:
+            raise InvalidInputError(f"{file}: line 1: expected the columns {', '.join(_FIELDS)}")
+        for row in reader:
             try:
-                tolerance = float(row["tolerance"]) if row["tolerance"] else None
-                value = float(row.pop("value"))
-                del row["tolerance"]
-                statement = Statement(**row, value=value, tolerance=tolerance)
-            except (TypeError, ValueError, KeyError) as error:
-                raise InvalidInputError(f"{file}: line {line}: {error}") from error
-            if statement.kind not in KINDS or (statement.kind == "unchanged") != (tolerance is not None):
-                raise InvalidInputError(f"{file}: line {line}: kind {statement.kind!r} with tolerance {tolerance}")
+                statement = _statement(row)
+                if statement.id in found:
+                    raise ValueError(f"id {statement.id!r} is given twice")
+            except ValueError as error:
+                raise InvalidInputError(f"{file}: line {reader.line_num}: {error}") from error
             found[statement.id] = statement
     return found
 
 
-def change_percent(before: ArrayLike, after: ArrayLike) -> np.ndarray:
-    """Change in percent, paired by repeat: (n,), (n,) -> (n,)."""
-    a, b = check_array("before", before, ()), check_array("after", after, ())
-    if a.shape != b.shape or (a == 0.0).any():
-        raise InvalidInputError(f"before, after: shapes {a.shape} and {b.shape} must be equal, and no before zero")
-    return 100.0 * (b - a) / a
+def _statement(row: dict[str, str]) -> Statement:
+    """One row of the file; raises ValueError for what cannot be judged."""
+    if None in row or None in row.values():  # how the csv module marks a row too long or too short
+        raise ValueError(f"expected {len(_FIELDS)} fields")
+    at = tuple(float(level) for level in row["at"].split())
+    value, tolerance = (float(row[name]) if row[name] else math.nan for name in ("value", "tolerance"))
+    statement = Statement(**{**row, "at": at, "value": value, "tolerance": tolerance})  # type: ignore[arg-type]
+    for name, known in (
+        ("scenario", CHOSEN),
+        ("factor", (*GAINS, "chosen")),
+        ("measure", UNITS),
+        ("statistic", STATISTICS),
+        ("kind", KINDS),
+    ):
+        if row[name] not in known:
+            raise ValueError(f"{name} {row[name]!r}; known: {', '.join(known)}")
+    kind = statement.kind
+    if (statement.factor == "chosen") != (not at) or not set(at) <= set(LEVELS) or len(set(at)) < len(at):
+        raise ValueError(f"factor {statement.factor!r} at {row['at']!r}")
+    if (kind in CHANGES and 0.0 in at) or (kind in EXTREMES and not 0 < len(at) < len(LEVELS)):
+        raise ValueError(f"kind {kind!r} at {row['at']!r}")
+    if (kind in _WITH_VALUE) != math.isfinite(value) or (kind == "direction" and abs(value) != 1.0):
+        raise ValueError(f"kind {kind!r} with value {row['value']!r}")
+    if (kind in _WITH_TOLERANCE) != (math.isfinite(tolerance) and tolerance >= 0.0):
+        raise ValueError(f"kind {kind!r} with tolerance {row['tolerance']!r}")
+    return statement
 
 
-def judge(statement: Statement, before: ArrayLike, after: ArrayLike) -> Verdict:
-    """Compare a statement with paired repeats of a statistic (n,) without and with posture control.
+def verdicts(
+    table: pd.DataFrame, statements: Mapping[str, Statement] | Iterable[Statement] | None = None
+) -> pd.DataFrame:
+    """Judge every statement on every engine and time step of its scenario: one row each.
 
-    - *reproduced*: at least 90 % of the repeats go the paper's way (or, where it says unchanged, stay within
-      the tolerance) and the paper's number, if it gives one, lies between their 5th and 95th percentiles.
-    - *same direction*: at least 90 % have the number's sign, but the number lies outside.
-    - *not reproduced*: neither.
+    Parameters
+    ----------
+    table
+        One row per run: the factors ``scenario``, ``k_z``, ``k_alpha``, ``k_beta``, ``engine``, ``time_step`` [s],
+        ``seed``, ``layout``; ``status`` (``"ok"`` or what went wrong); and the measures, as ``<measure>_min``,
+        ``_lower``, ``_median``, ``_upper``, ``_max`` or as one column.
+    statements
+        Those to judge; by default all that paper A makes.
+
+    Returns
+    -------
+    A table in the statements' order with the columns ``id``, ``figure``, ``scenario``, ``factor``, ``measure``,
+    ``statistic``, ``kind``, ``paper`` (the value), ``engine``, ``time_step``, the fields of ``Verdict``, ``wording``
+    and ``claim``.
+
+    Raises
+    ------
+    InvalidInputError
+        Names the missing columns, or the first run that is given twice.
     """
-    change = change_percent(before, after)
-    if change.size < 2:
-        raise InvalidInputError(f"{statement.id}: a verdict needs at least two repeats, got {change.size}")
-    low, high = (float(bound) for bound in np.percentile(change, [5, 95]))
-    if statement.kind == "unchanged":
-        agreement = float(np.mean(np.abs(change) <= (statement.tolerance or 0.0)))
+    if statements is None:
+        statements = _read(DATA / "paper" / "athena.csv")
+    chosen = list(statements.values() if isinstance(statements, Mapping) else statements)
+    check_runs(table, chosen)
+    cases = {key: runs for key, runs in table.groupby(["scenario", "engine", "time_step"], sort=True)}
+    rows = []
+    for s in chosen:
+        for (scenario, engine, time_step), runs in cases.items():
+            if scenario == s.scenario:
+                v = judge_checked(s, runs)
+                rows.append(
+                    (s.id, s.figure, s.scenario, s.factor, s.measure, s.statistic, s.kind, s.value, engine, time_step)
+                    + (v.repeats, v.left_out, v.effect, v.low, v.high, v.unit, v.agreement, v.verdict, s.wording)
+                    + (claim(s),)
+                )
+    columns = "id figure scenario factor measure statistic kind paper engine time_step repeats left_out effect low high"
+    return pd.DataFrame(rows, columns=[*columns.split(), "unit", "agreement", "verdict", "wording", "claim"])
+
+
+def robustness(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Whether a statement's verdict holds on every engine and at every time step: one row per id.
+
+    ``engines`` compares the engines at each time step, ``steps`` the time steps of each engine: ``"agree"``,
+    ``"differ"``, or ``"one"`` where there is nothing to compare. ``verdict`` is the common one of all, else empty.
+    Rows without data do not count.
+    """
+    judged = verdicts[verdicts["verdict"] != "no data"]
+    rows = []
+    for name in verdicts["id"].unique():
+        own = judged[judged["id"] == name]
+        found = own["verdict"].unique()
+        rows.append((name, _agree(own, "time_step"), _agree(own, "engine"), found[0] if len(found) == 1 else ""))
+    return pd.DataFrame(rows, columns=["id", "engines", "steps", "verdict"]).set_index("id")
+
+
+def _agree(judged: pd.DataFrame, within: str) -> str:
+    groups = [group["verdict"] for _, group in judged.groupby(within) if len(group) > 1]
+    if not groups:
+        return "one"
+    return "agree" if all(group.nunique() == 1 for group in groups) else "differ"
+
+
+def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Number of statements with each verdict (rows) in each engine's column; see ``summary`` for its name."""
+    named, cases = _cases(verdicts)
+    table = pd.crosstab(named["verdict"], named["case"])
+    return table.reindex(index=list(VERDICTS), columns=cases, fill_value=0)
+
+
+def summary(verdicts: pd.DataFrame) -> str:
+    """Return the verdicts as a GitHub-markdown table, one row per statement.
+
+    A column for each engine, or, where an engine ran at several time steps, for each of these. Its cells hold effect,
+    5th and 95th percentile to three significant digits, and the verdict.
+    """
+    named, cases = _cases(verdicts)
+    lines = [f"| figure | the paper says | {' | '.join(cases)} |", "|" + " --- |" * (2 + len(cases))]
+    for _, group in named.groupby("id", sort=False):
+        cells = {row.case: _cell(row) for row in group.itertuples(index=False)}
+        first = group.iloc[0]
+        words = [f"{first['figure']}, {first['scenario']}", first["claim"], *(cells.get(case, "") for case in cases)]
+        lines.append(f"| {' | '.join(words)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _cases(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Add the column ``case``, the engine with its time step where it ran at several; and all cases in order."""
+    steps = verdicts.groupby("engine")["time_step"].nunique()
+    names = {
+        (engine, step): engine if steps[engine] == 1 else f"{engine}, {1e3 * step:.6g} ms"
+        for engine, step in sorted(set(zip(verdicts["engine"], verdicts["time_step"], strict=True)))
+    }
+    case = [names[key] for key in zip(verdicts["engine"], verdicts["time_step"], strict=True)]
+    return verdicts.assign(case=case), list(names.values())
+
+
+def _cell(row: Any) -> str:
+    if row.verdict == "no data":
+        return "no data"
+    unit = f" {row.unit}" if row.unit else ""
+    effect, low, high = (_three_digits(x) for x in (row.effect, row.low, row.high))
+    sign = "+" if row.unit == "%" and not effect.startswith(("-", "0")) else ""
+    return f"{sign}{effect}{unit} [{low}, {high}] {row.verdict}"
+
+
+def _three_digits(x: float) -> str:
+    """Write ``x`` to three significant digits, without an exponent; what is below 1e-6 is rounding and is 0."""
+    rounded = float(f"{x:.2e}")
+    if abs(rounded) < 1e-6:
+        return "0"
+    return f"{rounded:.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
+
+
+_GAIN_NAMES = {"k_z": "k_z", "k_alpha": "k_α", "k_beta": "k_β"}
+_MEASURE_NAMES = {
+    "zmp_distance": "ZMP distance",
+    "zmp_distance_all": "ZMP distance (all ticks)",
+    "zmp_distance_stance": "ZMP distance (stance polygon)",
+    "stability_margin_all": "stability margin (all ticks)",
+    "stability_margin_stance": "stability margin (stance polygon)",
+    "zmp_outside": "ZMP outside the stance polygon",
+    "zmp_outside_loaded": "ZMP outside the loaded polygon",
+}
+_STATISTIC_NAMES = {"median": " median", "iqr": " IQR", "range": " range", "max": " maximum", "mean": ""}
+
+
+def claim(statement: Statement) -> str:
+    """Say a statement in a few words, such as ``"k_z > 0: height median +58.42 % on average"``."""
+    s = statement
+    what = _MEASURE_NAMES.get(s.measure, s.measure.replace("_", " ")) + _STATISTIC_NAMES[s.statistic]
+    if s.factor == "chosen":
+        where = "chosen gains"
+    elif s.at == (0.0,):
+        where = "simple control"
+    elif s.at == LEVELS[1:]:
+        where = f"{_GAIN_NAMES[s.factor]} > 0"
     else:
-        agreement = float(np.mean(np.sign(change) == np.sign(statement.value)))
-    if agreement < MIN_AGREEMENT:
-        verdict = "not reproduced"
-    elif statement.kind == "change_percent" and not low <= statement.value <= high:
-        verdict = "same direction"
-    else:
-        verdict = "reproduced"
-    return Verdict(statement, float(np.median(change)), low, high, agreement, verdict)
+        where = f"{_GAIN_NAMES[s.factor]} = {', '.join(f'{level:g}' for level in s.at)}"
+    said = {
+        "change_percent": f"{s.value:+g} %{' on average' if len(s.at) > 1 else ''}",
+        "direction": "rises" if s.value > 0.0 else "falls",
+        "unchanged": f"unchanged (± {s.tolerance:g} %)",
+        "value": f"{s.value:g} {UNITS[s.measure]}".strip(),
+        "never": "at no tick",
+        "occurs": "at some ticks",
+    }
+    return f"{where}: {what} {said.get(s.kind, s.kind)}"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hexakin.exceptions import RecordingError
 from hexakin.transforms import Array
 
-_FORMAT = "hexakin-recording-2"
+_FORMAT = "hexakin-recording-3"
 
 
 def _plain(value: Any) -> Any:
@@ -38,12 +38,14 @@ class Recording:
     T_world_body                (n, 4, 4)    m      pose of the body in the world
     body_velocity               (n, 3)       m/s    of the body's origin, in the world frame
     body_angular_velocity       (n, 3)       rad/s  in the body frame (the IMU)
+    body_rate_moment            (n, 3, 3)    1/s^2  mean of w w^T over the steps of the tick before, w as above
     height                      (n,)         m      infrared range: body origin to ground, body downwards
     q                           (n, L, 3)    rad    joint angles
     q_command                   (n, L, 3)    rad    what the servos were told at this instant
     joint_torque                (n, L, 3)    N m    of the servos, last physics step before this instant
     p_body_foot                 (n, L, 3)    m      foot centres in the body frame
     foot_force                  (n, L)       N      normal, mean over the tick before
+    foot_force_last             (n, L)       N      normal, in the last physics step before this instant
     torso_force, limb_force     (n,)         N      normal, mean over the tick before
     penetration                 (n,)         m      deepest contact of the tick before
     energy                      (n,)         J      kinetic and potential; NaN if the engine does not know
@@ -65,12 +67,14 @@ class Recording:
     T_world_body: Array
     body_velocity: Array
     body_angular_velocity: Array
+    body_rate_moment: Array
     height: Array
     q: Array
     q_command: Array
     joint_torque: Array
     p_body_foot: Array
     foot_force: Array
+    foot_force_last: Array
     torso_force: Array
     limb_force: Array
     penetration: Array
@@ -126,8 +130,9 @@ class Recording:
 
 
 _TRAILING: dict[str, tuple[str | int, ...]] = {
-    "T_world_body": (4, 4), "body_velocity": (3,), "body_angular_velocity": (3,), "q": ("L", 3), "q_command": ("L", 3),
-    "joint_torque": ("L", 3), "p_body_foot": ("L", 3), "foot_force": ("L",), "stance": ("L",), "limited": ("L",),
+    "T_world_body": (4, 4), "body_velocity": (3,), "body_angular_velocity": (3,), "body_rate_moment": (3, 3),
+    "q": ("L", 3), "q_command": ("L", 3), "joint_torque": ("L", 3), "p_body_foot": ("L", 3), "foot_force": ("L",),
+    "foot_force_last": ("L",), "stance": ("L",), "limited": ("L",),
 }  # fmt: skip
 _KINDS = {"phase": "i", "stance": "b", "extending": "b", "limited": "b"}
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError, NotImplementedError)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import platform
 from importlib import metadata
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,7 @@ def simulate(
     *,
     engine: str = "pybullet",
     duration: float = 50.0,
+    max_cycles: int | None = None,
     time_step: float = 0.001,
     control_rate: float = 20.0,
     friction: float = 0.9,
@@ -36,15 +37,18 @@ def simulate(
     seed: int = 0,
     perturbation: float = 0.02,
     settling_time: float = 1.0,
+    force_sampling: Literal["mean", "last"] = "mean",
     **engine_options: Any,
 ) -> Recording:
     """Walk ``robot`` over ``terrain`` and record what happens.
 
     The robot is put on the terrain at the origin, upright on its local slope, in the standing pose
     with each angle off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
-    [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and
-    ``time_step`` in s. ``engine`` is "pybullet" or "rigid"; ``engine_options`` are those of its class. Equal arguments
-    give equal recordings.
+    [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and ``time_step`` are
+    in s; the run ends sooner when ``max_cycles`` gait cycles are whole. ``force_sampling`` says which foot forces the
+    controller reads: the ``"mean"`` over the tick before, or those of its ``"last"`` step, in which chatter shows.
+    ``engine`` is "pybullet" or "rigid"; ``engine_options`` are those of its class. Equal arguments give equal
+    recordings.
 
     Raises UnknownNameError for an unknown engine, InvalidInputError for a terrain or number that cannot
     be used, SimulationError when the state is no longer finite or the robot falls out of the scene.
@@ -60,10 +64,14 @@ def simulate(
     if controller.robot is not robot and controller.robot.description() != robot.description():
         raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")
     check_whole("seed", seed)
+    if max_cycles is not None:
+        check_whole("max_cycles", max_cycles, at_least=1)
     for name, value in {"duration": duration, "time_step": time_step, "control_rate": control_rate}.items():
         check_number(name, value, above=0.0)
     check_number("perturbation", perturbation, at_least=0.0, unit="rad")
     check_number("settling_time", settling_time, at_least=0.0, unit="s")
+    if force_sampling not in ("mean", "last"):
+        raise UnknownNameError("force_sampling", force_sampling, ["mean", "last"])
     steps_per_tick = _whole(1.0 / control_rate / time_step, f"control tick of {1.0 / control_rate:g} s", time_step)
     num_ticks = max(1, round(duration * control_rate))
     settling_ticks = max(1, round(settling_time * control_rate))
@@ -81,7 +89,9 @@ def simulate(
         simulator.place(starting_pose(robot, terrain, q_start), q_start)
         reading = simulator.advance(q_start, settling_ticks * steps_per_tick)
         reading = simulator.advance(q_start, steps_per_tick)
-        rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, steps_per_tick)
+        last = force_sampling == "last"
+        end = np.inf if max_cycles is None else max_cycles * controller.phases_per_cycle
+        rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, end, steps_per_tick, last)
     parameters = {
         "robot": robot.description(),
         "terrain": repr(terrain),
@@ -90,10 +100,12 @@ def simulate(
         "engine": engine,
         **options,
         "duration": duration,
+        "max_cycles": max_cycles,
         "control_rate": control_rate,
         "seed": seed,
         "perturbation": perturbation,
         "settling_time": settling_time,
+        "force_sampling": force_sampling,
         "versions": {
             "python": platform.python_version(),
             "hexakin": __version__,
@@ -134,7 +146,9 @@ def _walk(
     reading: Reading,
     control_rate: float,
     num_ticks: int,
+    end_phase: float,
     steps_per_tick: int,
+    last_force: bool,
 ) -> list[tuple[Reading, Command, float]]:
     rows: list[tuple[Reading, Command, float]] = []
     run = None
@@ -147,9 +161,12 @@ def _walk(
             raise SimulationError(
                 f"t = {tick / control_rate:g} s: no ground below the torso; the robot has turned over"
             )
-        observation = Observation(tick / control_rate, reading.q, reading.foot_force, height)
+        force = reading.foot_force_last if last_force else reading.foot_force
+        observation = Observation(tick / control_rate, reading.q, force, height)
         run = run or controller.start(observation, control_rate)
         command = run.command(observation)
+        if command.phase >= end_phase:
+            break
         rows.append((reading, command, height))
         reading = simulator.advance(command.q, steps_per_tick)
     return rows

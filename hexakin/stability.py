@@ -150,11 +150,38 @@ def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -
     else:
         # The forces of row k were measured under the command of row k - 1.
         carrying = np.vstack([recording.stance[:1], recording.stance[:-1]])
-    distance, edge = np.full((2, len(recording.time)), np.nan)
-    for k in np.flatnonzero(point.defined):
-        polygon = support_polygon(recording.p_body_foot[k, carrying[k]])
-        if polygon is not None:
-            distance[k] = np.linalg.norm(point.xy[k] - centroid(polygon))
-            edge[k] = margin(point.xy[k], polygon)
+    distance, edge = _centroid_distance_and_margin(point.xy, recording.p_body_foot[..., :2], carrying)
     touches = (recording.torso_force > 0.0) | (recording.limb_force > 0.0)
     return StabilitySeries(distance, edge, np.isfinite(distance), touches)
+
+
+def _centroid_distance_and_margin(point: Array, feet: Array, carrying: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Distance (n,) from points (n, 2) to the centroid of the hull of the carrying (n, L) feet (n, L, 2), and A(33).
+
+    NaN where support_polygon has none, or the point is NaN. With a handful of feet it is faster to try every pair as an
+    edge of the hull, at all instants at once, than to build the hulls one by one.
+    """
+    start, way = feet[:, :, None], feet[:, None] - feet[:, :, None]  # the edge i -> j
+    offset = (feet[:, None] - feet[:, :, None])[:, :, None]  # from i to k
+    side = way[..., None, 0] * offset[..., 1] - way[..., None, 1] * offset[..., 0]
+    along = np.einsum("nijc,nimkc->nijk", way, offset)
+    squared = np.einsum("nijc,nijc->nij", way, way)[..., None]
+    # Counter-clockwise, every other foot lies to the left of an edge, or between its ends.
+    between = (np.abs(side) <= 1e-12 * squared) & (along >= 0.0) & (along <= squared)
+    pairs = carrying[:, :, None] & carrying[:, None] & ~np.eye(feet.shape[1], dtype=bool)
+    edges = pairs & ((side > 1e-12 * squared) | between | ~carrying[:, None, None]).all(axis=-1)
+    end = start + way
+    twice = np.where(edges, start[..., 0] * end[..., 1] - end[..., 0] * start[..., 1], 0.0)
+    twice_area = twice.sum(axis=(1, 2))
+    low, high = (np.where(carrying[..., None], feet, far) for far in (np.inf, -np.inf))
+    extent = (high.max(axis=1) - low.min(axis=1)).max(axis=-1)
+    defined = (carrying.sum(axis=1) >= 3) & (0.5 * twice_area > 1e-9 * extent**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        center = ((start + end) * twice[..., None]).sum(axis=(1, 2)) / (3.0 * twice_area[:, None])
+        reach = point[:, None, None] - start
+        share = np.clip(np.einsum("nijc,nijc->nij", reach, way) / squared[..., 0], 0.0, 1.0)
+        gap = np.where(edges, np.linalg.norm(reach - share[..., None] * way, axis=-1), np.inf).min(axis=(1, 2))
+    inside = (~edges | (way[..., 0] * reach[..., 1] - way[..., 1] * reach[..., 0] >= 0.0)).all(axis=(1, 2))
+    distance = np.linalg.norm(point - center, axis=-1)
+    defined &= np.isfinite(point).all(axis=-1)
+    return np.where(defined, distance, np.nan), np.where(defined, np.where(inside, gap, -gap), np.nan)

@@ -108,7 +108,10 @@ class Overturned(Engine):
     def advance(self, q_command, num_steps):
         T = pose(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 0.1])
         zeros = np.zeros(3)
-        return Reading(T, zeros, zeros, np.asarray(q_command), np.zeros((6, 3)), np.zeros(6), 20.0, 0.0, 0.0)
+        feet = np.zeros(6)
+        return Reading(
+            T, zeros, zeros, np.zeros((3, 3)), np.asarray(q_command), np.zeros((6, 3)), feet, feet, 20.0, 0.0, 0.0
+        )
 
     def close(self):
         pass
@@ -131,3 +134,40 @@ def test_leaving_the_terrain_ends_the_simulation_by_name(athena):
     island = hk.terrain.HeightField(x, y, np.zeros((9, 8)))
     with pytest.raises(SimulationError, match=r"t = .* s: (the robot has left the terrain|no ground below)"):
         hk.simulate(athena, island, hk.PostureController(athena), duration=30.0, time_step=0.005)
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "rigid"])
+def test_a_ticks_rate_moment_and_last_force_are_those_of_its_steps(athena, engine):
+    """The same walk read at every step: what a tick reports is what its steps would have."""
+    recording = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), engine=engine, duration=1.5)
+    make = hk.engines.engine_class(engine)
+    with (
+        make(athena, hk.terrain.Ramp(), time_step=0.001) as one,
+        make(athena, hk.terrain.Ramp(), time_step=0.001) as many,
+    ):
+        T, q = recording.T_world_body[0], recording.q[0]
+        for simulator in (one, many):
+            simulator.place(T, q)
+        for command in recording.q_command:
+            tick = one.advance(command, 50)
+            steps = [many.advance(command, 1) for _ in range(50)]
+            rates = np.array([step.body_angular_velocity for step in steps])
+            moment = np.einsum("ni,nj->ij", rates, rates) / 50
+            assert tick.body_rate_moment == pytest.approx(moment, abs=1e-3 * np.trace(moment) + 1e-9, rel=1e-2)
+            assert tick.foot_force_last == pytest.approx(steps[-1].foot_force, abs=1e-3)
+            assert tick.foot_force == pytest.approx(np.mean([step.foot_force for step in steps], axis=0), abs=1e-3)
+
+
+def test_a_walk_ends_when_its_cycles_are_whole(athena):
+    walk = hk.simulate(
+        athena, hk.terrain.Plane(), hk.PostureController(athena), duration=20.0, max_cycles=1, time_step=0.002
+    )
+    assert len(walk.time) == 40
+    assert len(hk.measures.per_cycle(walk).height) == 1
+    with pytest.raises(InvalidInputError, match="max_cycles"):
+        hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), max_cycles=0)
+
+
+def test_the_force_that_the_controller_reads_is_chosen_by_name(athena):
+    with pytest.raises(UnknownNameError, match="force_sampling"):
+        hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), force_sampling="first")

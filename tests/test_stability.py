@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
+from hexakin import stability
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.stability import centroid, margin, series, support_polygon, zero_moment_point
 
@@ -108,3 +109,18 @@ def test_feet_almost_in_line_have_no_polygon_and_bad_points_are_named():
 def test_one_set_of_forces_serves_many_feet():
     result = zero_moment_point(np.stack([SQUARE] * 5), [1, 1, 1, 1])
     assert result.xy.shape == (5, 2) and result.defined.shape == (5,)
+
+
+def test_many_hulls_at_once_are_those_built_one_by_one(rng):
+    feet, carrying = rng.normal(size=(400, 6, 2)), rng.random((400, 6)) < 0.7
+    feet[:40, 2] = 0.5 * (feet[:40, 0] + feet[:40, 1])  # on the line between two others
+    feet[40:60] = feet[40:60, :1] + np.arange(6)[None, :, None] * [1.0, 2.0]  # all on one line
+    point = rng.normal(size=(400, 2))
+    distance, edge = stability._centroid_distance_and_margin(point, feet, carrying)
+    for k in range(400):
+        polygon = support_polygon(feet[k, carrying[k]])
+        assert edge[k] == pytest.approx(margin(point[k], polygon), abs=1e-12, nan_ok=True)
+        if polygon is not None:
+            assert distance[k] == pytest.approx(np.linalg.norm(point[k] - centroid(polygon)), abs=1e-9)
+        else:
+            assert np.isnan(distance[k])

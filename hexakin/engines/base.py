@@ -18,8 +18,11 @@ class Reading(NamedTuple):
 
     ``T_world_body`` (4, 4), ``body_velocity`` (3,) [m/s] of the body's origin in the world,
     ``body_angular_velocity`` (3,) [rad/s] in the body frame (the IMU), ``q`` (L, 3) [rad], ``joint_torque``
-    (L, 3) [N m] of the servos at the last step. Normal contact forces [N] as means over the tick's steps:
-    ``foot_force`` (L,), ``torso_force`` and ``limb_force`` (coxae, femora and tibiae together).
+    (L, 3) [N m] of the servos at the last step. ``body_rate_moment`` (3, 3) [rad^2/s^2] is the mean of w w^T over the
+    tick's steps, w the angular velocity in the body frame: the mean square rate about a unit axis a is a^T m a.
+
+    Normal contact forces [N] are means over the tick's steps: ``foot_force`` (L,), ``torso_force`` and ``limb_force``
+    (coxae, femora and tibiae together); ``foot_force_last`` (L,) is that of the last step alone.
     ``penetration`` [m] is the deepest of any contact in the tick.
 
     ``energy`` [J], kinetic and potential (of gravity, from the world's origin), is that at the end of the tick;
@@ -31,9 +34,11 @@ class Reading(NamedTuple):
     T_world_body: Array
     body_velocity: Array
     body_angular_velocity: Array
+    body_rate_moment: Array
     q: Array
     joint_torque: Array
     foot_force: Array
+    foot_force_last: Array
     torso_force: float
     limb_force: float
     penetration: float

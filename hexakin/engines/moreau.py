@@ -60,7 +60,9 @@ class State(NamedTuple):
     old_count: Whole  # (1,)
     found: Whole  # (1,)
     impulse: Array  # (g,) normal impulse by group
+    last_impulse: Array  # (g,) the same of the last step alone
     sums: Array  # servo work, contact work, penetration, residual
+    rate_moment: Array  # (3, 3) sum of w w^T, w the first free body's angular velocity in its own frame
 
 
 @compiled
@@ -215,10 +217,13 @@ def solve_step(
             state.sums[1] += 0.5 * J[i, k] * (p[i] * (start[k] + after[k]) + blow[i] * (v[k] + start[k]))
     state.sums[3] = max(state.sums[3], residual)
     state.old_count[0] = n
+    for g in range(state.last_impulse.size):
+        state.last_impulse[g] = 0.0
     for i in range(n):
         c = active[i]
         state.sums[2] = max(state.sums[2], -contacts.gap[c])
         state.impulse[contacts.group[c]] += p[3 * i + 2] + blow[3 * i + 2]
+        state.last_impulse[contacts.group[c]] += p[3 * i + 2] + blow[3 * i + 2]
         state.old_key[i] = contacts.key[c]
         for k in range(3):
             state.old_impulse[i, k] = 0.0
@@ -226,6 +231,11 @@ def solve_step(
                 state.old_impulse[i, k] += frames[i, a, k] * p[3 * i + a]
     for i in range(nv):
         v[i] = after[i]
+    if bodies.floating.shape[0] > 0:
+        first = bodies.floating[0, 1] + 3
+        for i in range(3):
+            for k in range(3):
+                state.rate_moment[i, k] += v[first + i] * v[first + k]
 
 
 @compiled

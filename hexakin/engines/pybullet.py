@@ -197,21 +197,31 @@ class PyBulletEngine(Engine):
             velocityGains=[1.0] * count,
             physicsClientId=self._client,
         )
-        foot, torso, limb, depth = np.zeros(robot.num_legs), 0.0, 0.0, 0.0
-        for _ in range(num_steps):
+        foot, torso, limb, depth = np.zeros((num_steps, robot.num_legs)), 0.0, 0.0, 0.0
+        rate_moment = np.zeros((3, 3))
+        for step in range(num_steps):
             pybullet.stepSimulation(physicsClientId=self._client)
+            rate = self._body_rate()
+            rate_moment += rate[:, None] * rate
             for contact in pybullet.getContactPoints(bodyA=self._body, physicsClientId=self._client):
                 link, force = contact[3], contact[9]
                 depth = max(depth, -contact[8])
                 if link in self._foot_of_link:
-                    foot[self._foot_of_link[link]] += force
+                    foot[step, self._foot_of_link[link]] += force
                 elif link < 0:
                     torso += force
                 else:
                     limb += force
-        return self._read(foot / num_steps, torso / num_steps, limb / num_steps, depth)
+        return self._read(foot, torso / num_steps, limb / num_steps, depth, rate_moment / num_steps)
 
-    def _read(self, foot: Array, torso: float, limb: float, depth: float) -> Reading:
+    def _body_rate(self) -> Array:
+        """Angular velocity (3,) [rad/s] in the body frame."""
+        _, quaternion = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=self._client)
+        _, angular = pybullet.getBaseVelocity(self._body, physicsClientId=self._client)
+        inertial = np.reshape(pybullet.getMatrixFromQuaternion(quaternion), (3, 3))
+        return self._T_body_inertial[:3, :3] @ (np.array(angular) @ inertial)
+
+    def _read(self, foot: Array, torso: float, limb: float, depth: float, rate_moment: Array) -> Reading:
         client, shape = self._client, (self._robot.num_legs, NUM_JOINTS)
         states = pybullet.getJointStates(self._body, self._joints, physicsClientId=client)
         center, quaternion = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
@@ -230,9 +240,11 @@ class PyBulletEngine(Engine):
             T_world_body=T,
             body_velocity=np.array(velocity) - np.cross(angular, lever),
             body_angular_velocity=T[:3, :3].T @ np.array(angular),
+            body_rate_moment=rate_moment,
             q=q,
             joint_torque=np.array([state[3] for state in states]).reshape(shape),
-            foot_force=foot,
+            foot_force=foot.mean(axis=0),
+            foot_force_last=foot[-1],
             torso_force=torso,
             limb_force=limb,
             penetration=depth,

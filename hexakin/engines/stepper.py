@@ -35,15 +35,19 @@ class Servos(NamedTuple):
 class StepSums(NamedTuple):
     """What a number of steps adds up to.
 
-    ``normal_impulse`` (g,) [N s] by group, ``servo_work`` and ``contact_work`` [J] (the latter is minus what contacts
-    dissipate), ``penetration`` [m] and ``residual`` of the contact solver, the largest of any step.
+    ``normal_impulse`` (g,) [N s] by group and ``last_normal_impulse`` of the last step alone, ``servo_work`` and
+    ``contact_work`` [J] (the latter is minus what contacts dissipate), ``penetration`` [m] and ``residual`` of the
+    contact solver, the largest of any step; ``rate_moment`` (3, 3) [rad^2/s^2], the sum of w w^T, with w the first free
+    body's angular velocity in its own frame.
     """
 
     normal_impulse: Array
+    last_normal_impulse: Array
     servo_work: float
     contact_work: float
     penetration: float
     residual: float
+    rate_moment: Array
 
 
 class MoreauStepper:
@@ -109,7 +113,9 @@ class MoreauStepper:
             old_count=np.zeros(1, dtype=np.int64),
             found=np.zeros(1, dtype=np.int64),
             impulse=np.zeros(groups),
+            last_impulse=np.zeros(groups),
             sums=np.zeros(4),
+            rate_moment=np.zeros((3, 3)),
         )
         self._q_half, self._command = pin.neutral(model), np.zeros(count)
         self._contacts = empty_contacts(CAPACITY)
@@ -172,6 +178,7 @@ class MoreauStepper:
         self._command[:] = angles
         state.impulse[:] = 0.0
         state.sums[:] = 0.0
+        state.rate_moment[:] = 0.0
         worst, driven = 0.0, self._command.size > 0
         turning = np.ones(model.nv, dtype=bool)
         for j in self._bodies.floating[:, 1]:
@@ -197,7 +204,10 @@ class MoreauStepper:
             worst = max(worst, residual)
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             self._unsolved(np.inf)
-        return StepSums(state.impulse.copy(), float(state.sums[0]), float(state.sums[1]), float(state.sums[2]), worst)
+        work, lost, depth = (float(total) for total in state.sums[:3])
+        return StepSums(
+            state.impulse.copy(), state.last_impulse.copy(), work, lost, depth, worst, state.rate_moment.copy()
+        )
 
     def _center_bias(self, q: Array, v: Array) -> None:
         """Take the velocity-dependent forces half-way through the step.

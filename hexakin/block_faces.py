@@ -1,0 +1,132 @@
+"""Blocks on 3D axes, and solids that they hide: both are put in order when drawn, for wherever the eye is then.
+
+All lengths are in the unit of the axes, except for those of a terrain.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from mpl_toolkits.mplot3d import proj3d
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import ArrayLike
+
+from hexakin.occlusion import cut_hidden, hiding_planes
+from hexakin.terrain import Box, HalfSpace, Terrain
+from hexakin.transforms import Array
+
+_LOWEST, _HIGHEST = np.array([0.63, 0.57, 0.46]), np.array([0.98, 0.96, 0.90])  # colours of tops
+_SIDE_X, _SIDE_Y = 0.62, 0.78  # brightness of sides, of that of the top
+_FAR = 1e4  # of an orthographic view's depth: how far away its eye is put
+
+
+def block_columns(terrain: Terrain, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array] | None:
+    """Columns under a terrain of boxes, cut off at a window; None for a terrain of other shapes.
+
+    Parameters
+    ----------
+    terrain:
+        Boxes, with or without level ground around them.
+    low, high:
+        Corners of the window (x, y), (2,) [m].
+
+    Returns
+    -------
+    tuple
+        Lower and upper corners (b, 3) [m]; the columns stand side by side, on the level ground or, without one, on
+        the lowest of the boxes' undersides.
+    """
+    shapes = terrain.shapes()
+    boxes = [shape for shape in shapes if isinstance(shape, Box)]
+    ground = [shape.point[2] for shape in shapes if isinstance(shape, HalfSpace) and shape.normal == (0.0, 0.0, 1.0)]
+    if not boxes or len(boxes) + len(ground) < len(shapes):
+        return None
+    corners = np.array([(box.lower, box.upper) for box in boxes])
+    bottom = max(ground) if ground else corners[..., 2].min()
+    edges = []
+    for axis, (begin, end) in enumerate(np.transpose([low, high])):
+        inside = corners[..., axis][(corners[..., axis] > begin) & (corners[..., axis] < end)]
+        edges.append(np.unique(np.concatenate([[begin], np.round(inside, 9), [end]])))
+    x0, y0 = (e.ravel() for e in np.meshgrid(edges[0][:-1], edges[1][:-1], indexing="ij"))
+    x1, y1 = (e.ravel() for e in np.meshgrid(edges[0][1:], edges[1][1:], indexing="ij"))
+    top = np.fmax(terrain.height((x0 + x1) / 2.0, (y0 + y1) / 2.0), bottom)
+    return np.column_stack([x0, y0, np.full_like(x0, bottom)]), np.column_stack([x1, y1, top])
+
+
+def eye_of(ax: Any) -> Array:
+    """Where the eye of 3D axes is, (3,): the point that their projection maps to no place."""
+    projection = ax.get_proj()
+    *place, weight = np.linalg.svd(projection[[0, 1, 3]])[2][-1]
+    if abs(weight) > 1e-12 * np.abs(place).max():
+        return np.array(place) / weight
+    center = np.mean([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], axis=1)
+    depth = np.array(place) / np.linalg.norm(place)
+    size = np.ptp([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()])
+    return center - np.sign(projection[2, :3] @ depth) * _FAR * size * depth
+
+
+class BlockFaces(PolyCollection):
+    """Tops and sides of upright blocks that stand side by side, from the farthest to the nearest.
+
+    ``lower`` and ``upper`` are their corners (b, 3). The higher a block the lighter its top; sides are darker.
+    """
+
+    def __init__(self, lower: Array, upper: Array, **options: Any):
+        super().__init__([], edgecolors=(0.25, 0.22, 0.17), linewidths=0.35, joinstyle="round", **options)
+        self.set(clip_on=False, in_layout=False)  # corners reach beyond the panel; the layout is for what is flat
+        self.lower, self.upper = lower, upper
+        (x0, y0, z0), (x1, y1, z1) = lower.T, upper.T
+        rings = [
+            [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)],
+            [(x0, y0, z0), (x0, y1, z0), (x0, y1, z1), (x0, y0, z1)],
+            [(x1, y0, z0), (x1, y1, z0), (x1, y1, z1), (x1, y0, z1)],
+            [(x0, y0, z0), (x1, y0, z0), (x1, y0, z1), (x0, y0, z1)],
+            [(x0, y1, z0), (x1, y1, z0), (x1, y1, z1), (x0, y1, z1)],
+        ]
+        #: Faces (b, 5, 4, 3): top, then the sides towards -x, +x, -y and +y.
+        self.faces = np.moveaxis(np.array(rings), -1, 0)
+        span = np.ptp(z1)
+        share = (z1 - z1.min()) / span if span > 0.0 else np.ones_like(z1)
+        top = _LOWEST + share[:, None] * (_HIGHEST - _LOWEST)
+        brightness = np.array([1.0, _SIDE_X, _SIDE_X, _SIDE_Y, _SIDE_Y])
+        self._colours = top[:, None] * brightness[:, None]  # (b, 5, 3)
+
+    @property
+    def corners(self) -> Array:
+        """Corners of all blocks, (2 b, 3)."""
+        return np.concatenate([self.lower, self.upper])
+
+    def do_3d_projection(self) -> float:
+        """Put the faces that the eye sees in order and project them."""
+        eye = eye_of(self.axes)
+        (x0, y0, _), (x1, y1, z1) = self.lower.T, self.upper.T
+        seen = np.column_stack([eye[2] > z1, eye[0] < x0, eye[0] > x1, eye[1] < y0, eye[1] > y1])
+        # A ray to the eye gets nearer to it along x and along y: no block hides one that is nearer in this sum.
+        away = np.maximum(np.maximum(self.lower - eye, eye - self.upper), 0.0)[:, :2].sum(axis=1)
+        order = np.argsort(-away, kind="stable")
+        faces, colours = self.faces[order][seen[order]], self._colours[order][seen[order]]
+        projection = self.axes.get_proj()  # type: ignore[union-attr]
+        x, y, _ = proj3d.proj_transform(*faces.reshape(-1, 3).T, projection)
+        self.set_verts(list(np.stack([x, y], axis=-1).reshape(-1, 4, 2)))
+        self.set_facecolor(colours)
+        return 0.0
+
+
+class SolidFaces(Poly3DCollection):
+    """Shaded faces (m, k, 3) of solids, convex, which blocks on the same axes hide as far as they are behind them."""
+
+    def __init__(self, faces: Array, colours: ArrayLike, **options: Any):
+        super().__init__(faces, facecolors=colours, shade=True, **options)
+        self._whole, self._shaded = faces, np.asarray(PolyCollection.get_facecolor(self))
+
+    def do_3d_projection(self) -> float:
+        """Cut away what is hidden and project the rest."""
+        faces, origin = self._whole, np.arange(len(self._whole))
+        for blocks in (artist for artist in self.axes.collections if isinstance(artist, BlockFaces)):
+            faces, kept = cut_hidden(faces, hiding_planes(blocks.lower, blocks.upper, eye_of(self.axes)))
+            origin = origin[kept]
+        self.set_verts(faces)
+        self.set_facecolor(self._shaded[origin])
+        return super().do_3d_projection()

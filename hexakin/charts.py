@@ -1,0 +1,287 @@
+"""Charts on given axes: boxes, maps and bars of numbers that were computed elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.figure_style import ENGINE_COLOURS, GREY, LEG_COLOURS
+from hexakin.transforms import Array, check_array
+
+_SUMMARY = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
+_MOST_PRINTED = 8  # columns or rows of a map in a third of a page: more leave no room for numbers
+
+
+def box_groups(
+    ax: Axes, groups: Sequence[Sequence[ArrayLike]], labels: Sequence[str], colours: Sequence[str], ylabel: str
+) -> None:
+    """Box plots in groups side by side: ``groups[g]`` holds samples (n,), one thin box for each."""
+    width, position, ticks = 0.7, 0.0, []
+    for sample, colour in zip(groups, colours, strict=True):
+        values = [np.asarray(repeat) for repeat in sample]
+        places = position + np.arange(len(values))
+        ax.boxplot(
+            values,
+            positions=list(places),
+            widths=width,
+            patch_artist=True,
+            manage_ticks=False,
+            flierprops={"marker": ".", "markersize": 2, "markeredgecolor": colour},
+            boxprops={"facecolor": colour, "alpha": 0.6, "linewidth": 0.6},
+            medianprops={"color": "k", "linewidth": 1.2},
+            whiskerprops={"linewidth": 0.6},
+            capprops={"linewidth": 0.6},
+        )
+        ticks.append(float(places.mean()))
+        position = places[-1] + 2.0
+    ax.set_xticks(ticks, labels)
+    ax.set_ylabel(ylabel)
+    ax.grid(axis="x", visible=False)
+
+
+def draw_boxes(
+    ax: Axes,
+    summaries: Mapping[str, ArrayLike],
+    levels: Sequence[float] | Sequence[str],
+    ylabel: str,
+    *,
+    xlabel: str = "",
+    paper: Sequence[tuple[float | str, float]] = (),
+    colours: Mapping[str, str] = ENGINE_COLOURS,
+) -> None:
+    """Draw boxes from five-number summaries: for each level one box of each engine, side by side.
+
+    A box shows the median over repeats of each of the five numbers, with whiskers from minimum to maximum; dots show
+    the median of each repeat. Boxes, dots and marks are labelled for a legend, which the caller places::
+
+        draw_boxes(ax, {"pybullet": a, "rigid": b}, [0.0, 0.2, 0.4], "height [mm]", paper=[(0.4, 98.0)])
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+
+    Parameters
+    ----------
+    summaries:
+        For each engine (levels, repeats, 5): minimum, lower quartile, median, upper quartile, maximum, in the unit
+        that ``ylabel`` names.
+    levels:
+        Numbers, which are placed to scale, or words, which are placed evenly.
+    xlabel, ylabel:
+        With units.
+    paper:
+        Reported values (level, y), marked by a diamond.
+    colours:
+        Of the engines, by name; others take the colours of the legs in turn.
+
+    Raises
+    ------
+    InvalidInputError
+        For summaries of the wrong shape or not in ascending order, levels that repeat, or a marked level among words
+        that is none of them.
+    """
+    places = _places(levels)
+    boxes = {name: _check_summary(name, summary, len(places)) for name, summary in summaries.items()}
+    gap = float(np.diff(np.sort(places)).min()) if len(places) > 1 else 1.0
+    slot = 0.8 * gap / max(len(boxes), 1)
+    for k, (name, summary) in enumerate(boxes.items()):
+        colour = colours.get(name, LEG_COLOURS[k % len(LEG_COLOURS)])
+        centers = places + (k - (len(boxes) - 1) / 2.0) * slot
+        middle = np.median(summary, axis=1)  # over repeats
+        stats = [dict(zip(("whislo", "q1", "med", "q3", "whishi"), numbers, strict=True)) for numbers in middle]
+        drawn = ax.bxp(
+            stats,
+            positions=centers.tolist(),
+            widths=0.84 * slot,
+            capwidths=0.4 * slot,
+            patch_artist=True,
+            showfliers=False,
+            manage_ticks=False,
+            boxprops={"facecolor": colour, "edgecolor": "k", "linewidth": 0.6},
+            medianprops={"color": "k", "linewidth": 1.6},
+            whiskerprops={"linewidth": 0.7},
+            capprops={"linewidth": 0.7},
+            zorder=2,
+        )
+        drawn["boxes"][0].set_label(name)
+        # The fractions of the golden ratio's multiples spread any number of dots evenly, and always alike.
+        jitter = (np.arange(summary.shape[1]) * 0.618034) % 1.0 - 0.5
+        x = centers[:, None] + 0.6 * slot * jitter
+        label = "median of one repeat" if k == len(boxes) - 1 else None
+        ax.plot(x.ravel(), summary[..., 2].ravel(), "o", ms=2.2, mfc="w", mec="k", mew=0.4, zorder=3, label=label)
+    marks = [(_place(level, levels), y) for level, y in paper]
+    if marks:
+        ax.plot(*np.array(marks).T, "D", color="k", ms=4.5, mec="w", mew=0.6, zorder=4, label="paper")
+    words = [level if isinstance(level, str) else f"{level:g}" for level in levels]
+    ax.set_xticks(places, words)
+    ax.set(xlabel=xlabel, ylabel=ylabel, xlim=(places.min() - 0.55 * gap, places.max() + 0.55 * gap))
+    ax.grid(axis="x", visible=False)
+
+
+def _places(levels: Sequence[float] | Sequence[str]) -> Array:
+    """Where levels lie along an axis (n,): numbers at their values, words at 0, 1, ..."""
+    named = [isinstance(level, str) for level in levels]
+    if not named or any(named) != all(named):
+        raise InvalidInputError(f"levels: expected numbers or words, at least one, got {list(levels)!r}")
+    places = np.arange(len(levels), dtype=float) if all(named) else check_array("levels", np.asarray(levels), ())
+    if len(set(levels)) < len(levels):
+        raise InvalidInputError(f"levels: {list(levels)!r} repeat")
+    return places
+
+
+def _place(level: float | str, levels: Sequence[float] | Sequence[str]) -> float:
+    """Where a marked level lies among ``levels``."""
+    if all(isinstance(known, str) for known in levels):
+        if level not in levels:
+            raise InvalidInputError(f"paper: level {level!r} is none of {list(levels)!r}")
+        return float(list(levels).index(level))
+    return float(check_array("paper: level", level, ()))
+
+
+def _check_summary(name: str, summary: ArrayLike, count: int) -> Array:
+    """Coerce to (levels, repeats, 5) with ascending numbers."""
+    values = check_array(f"summaries: {name}", summary, (5,), ("number",))
+    if values.ndim != 3 or values.shape[0] != count or values.shape[1] == 0:
+        raise InvalidInputError(f"summaries: {name}: expected shape ({count} levels, repeats, 5), got {values.shape}")
+    wrong = np.argwhere(np.diff(values, axis=-1) < 0.0)
+    if len(wrong):
+        level, repeat, k = wrong[0]
+        below, above = values[level, repeat, k : k + 2]
+        raise InvalidInputError(
+            f"summaries: {name}: level {level + 1}, repeat {repeat + 1}: "
+            f"{_SUMMARY[k]} {below:g} exceeds {_SUMMARY[k + 1]} {above:g}"
+        )
+    return values
+
+
+def heat_map(
+    ax: Axes,
+    values: ArrayLike,
+    x_levels: Sequence[float],
+    y_levels: Sequence[float],
+    label: str,
+    *,
+    xlabel: str = "",
+    ylabel: str = "",
+    mark: tuple[float, float] | None = None,
+    limits: tuple[float, float] | None = None,
+) -> None:
+    """Draw a map of equal cells with a colour bar; up to 8 by 8 cells have their values printed.
+
+    Parameters
+    ----------
+    values:
+        (y levels, x levels): a row for each of ``y_levels``, which rise upwards.
+    x_levels, y_levels:
+        What the columns and rows stand for.
+    label:
+        Of the colour bar, with the unit of ``values``.
+    xlabel, ylabel:
+        With units.
+    mark:
+        Levels (x, y) of a cell that gets a frame and a star, labelled "paper" for a legend.
+    limits:
+        Values at the ends of the colours, so that maps side by side can share them; None takes the map's own.
+
+    Raises InvalidInputError for values of another shape or a marked level that the map does not have.
+    """
+    shape = len(y_levels), len(x_levels)
+    cells = check_array("values", values, shape, ("y level", "x level"))
+    if cells.ndim != 2 or cells.size == 0:
+        raise InvalidInputError(f"values: expected shape {shape}, got {cells.shape}")
+    low, high = (cells.min(), cells.max()) if limits is None else limits
+    edges = [np.arange(count + 1) - 0.5 for count in shape]
+    mesh = ax.pcolormesh(
+        edges[1], edges[0], cells, cmap="viridis", vmin=low, vmax=high, edgecolors="w", linewidth=0.5, zorder=1
+    )
+    bar = ax.figure.colorbar(mesh, cax=ax.inset_axes((1.03, 0.0, 0.05, 1.0)), label=label)
+    bar.outline.set_visible(False)
+    bar.ax.grid(visible=False)
+    if bar.solids is not None:
+        bar.solids.set(rasterized=False, edgecolor="face")  # vectors, without seams
+    if max(shape) <= _MOST_PRINTED:
+        _print_cells(ax, mesh, cells)
+    if mark is not None:
+        column, row = (_cell(axis, level, of) for axis, level, of in zip("xy", mark, (x_levels, y_levels), strict=True))
+        frame: dict[str, Any] = {"fill": False, "edgecolor": "k", "linewidth": 1.6, "zorder": 3}
+        ax.add_patch(Rectangle((column - 0.5, row - 0.5), 1.0, 1.0, **frame))
+        ax.plot(column + 0.3, row + 0.3, "*", color="w", mec="k", mew=0.6, ms=7, zorder=4, ls="none", label="paper")
+    ax.set_xticks(range(shape[1]), [f"{level:g}" for level in x_levels])
+    ax.set_yticks(range(shape[0]), [f"{level:g}" for level in y_levels])
+    ax.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
+    ax.tick_params(length=0)
+    ax.grid(visible=False)
+    ax.spines[:].set_visible(False)
+
+
+def _print_cells(ax: Axes, mesh: Any, cells: Array) -> None:
+    """Print every value in its cell, to three digits of the largest, in black or white as the colour asks."""
+    largest = float(np.abs(cells).max())
+    decimals = int(np.clip(2 - np.floor(np.log10(largest)), 0, 5)) if largest > 0.0 else 0
+    luminance = mesh.to_rgba(cells)[..., :3] @ [0.2126, 0.7152, 0.0722]
+    for (row, column), value in np.ndenumerate(cells):
+        colour = "k" if luminance[row, column] > 0.45 else "w"
+        ax.text(column, row, f"{value:.{decimals}f}", ha="center", va="center", fontsize=7, color=colour, zorder=2)
+
+
+def _cell(axis: str, level: float, levels: Sequence[float]) -> int:
+    """Index of ``level`` among ``levels``."""
+    found = np.flatnonzero(np.isclose(np.asarray(levels, dtype=float), level))
+    if not len(found):
+        raise InvalidInputError(f"mark: {axis} = {level:g} is none of the levels {[float(known) for known in levels]}")
+    return int(found[0])
+
+
+def bar_effects(
+    ax: Axes,
+    names: Sequence[str],
+    values: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    xlabel: str,
+    *,
+    engines: Sequence[str] = (),
+) -> None:
+    """Draw horizontal bars with intervals, such as main effects or sensitivity indices, from the top in their order.
+
+    Parameters
+    ----------
+    names:
+        Of the n effects.
+    values, low, high:
+        Lengths of the bars and ends of their intervals, (n,), or (engines, n) for one bar of each engine side by side,
+        labelled for a legend; in the unit that ``xlabel`` names.
+    engines:
+        Names of the engines, which give the colours; none for a single row of bars.
+
+    Raises InvalidInputError for other shapes or an interval whose low end lies above its high end.
+    """
+    shape = (len(engines), len(names)) if len(engines) else (len(names),)
+    given = [
+        check_array(name, v, shape, ("engine", "effect")[-len(shape) :])
+        for name, v in (("values", values), ("low", low), ("high", high))
+    ]
+    for name, array in zip(("values", "low", "high"), given, strict=True):
+        if array.shape != shape:
+            raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
+    length, begin, end = (array.reshape(-1, len(names)) for array in given)
+    if (begin > end).any():
+        row, effect = np.argwhere(begin > end)[0]
+        ends = f"low {begin[row, effect]:g} exceeds high {end[row, effect]:g}"
+        raise InvalidInputError(f"low, high: {names[effect]}: {ends}")
+    rows, height = np.arange(len(names)), 0.75 / len(length)
+    for k in range(len(length)):
+        engine = engines[k] if len(engines) else None
+        colour = GREY if engine is None else ENGINE_COLOURS.get(engine, LEG_COLOURS[k % len(LEG_COLOURS)])
+        y = rows + (k - (len(length) - 1) / 2.0) * height
+        ax.barh(y, length[k], 0.88 * height, color=colour, label=engine, zorder=2)
+        ax.hlines(y, begin[k], end[k], color="k", linewidth=1.0, zorder=3)
+        ax.plot([begin[k], end[k]], [y, y], "|", color="k", ms=4.0, mew=1.0, zorder=3)
+    ax.axvline(0.0, color="k", linewidth=0.8, zorder=1)
+    ax.set_yticks(rows, names)
+    ax.set(xlabel=xlabel, ylim=(len(names) - 0.4, -0.6))
+    ax.tick_params(axis="y", length=0)
+    ax.grid(axis="y", visible=False)

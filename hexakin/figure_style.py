@@ -1,0 +1,60 @@
+"""How every figure looks and how it is written to a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from hexakin.exceptions import InvalidInputError
+
+# Okabe and Ito's colours, which stay apart for colour-blind readers.
+BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
+LEG_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#999933", "#332288")
+SIMPLE, CONTROLLED = GREY, BLUE
+ENGINE_COLOURS = {"pybullet": ORANGE, "rigid": BLUE}
+MM = 1e3
+
+STYLE: dict[str, Any] = {
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "axes.prop_cycle": plt.cycler(color=LEG_COLOURS),
+}
+
+
+def use_style() -> None:
+    """Set the style of every figure that follows."""
+    plt.rcParams.update(STYLE)  # type: ignore[arg-type]
+
+
+def save_pdf(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write ``figure`` as a vector PDF and return where; the file appears whole or not at all.
+
+    The page has the figure's own size, so that figures of one width stay of one width; fonts are embedded as TrueType,
+    and equal figures make equal files. ``.pdf`` is added to a ``path`` that does not end so. Raises InvalidInputError
+    if the folder does not exist.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".pdf":
+        target = target.with_name(target.name + ".pdf")
+    if not target.parent.is_dir():
+        raise InvalidInputError(f"path: the folder {target.parent} of {target.name} does not exist")
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        with plt.rc_context({"pdf.fonttype": 42, "savefig.bbox": None}):
+            figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return target

@@ -1,0 +1,116 @@
+"""What upright boxes hide from an eye: faces are cut along the boxes' outlines, so that no drawing order is needed.
+
+All lengths share one unit, whichever the caller draws in.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.transforms import Array
+
+_CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+_NORMALS = np.concatenate([-np.eye(3), np.eye(3)])  # of a box's faces: towards -x, -y, -z, +x, +y, +z
+# Each edge's two corners and the two faces that meet in it.
+_EDGES = np.array([(a, b) for a in range(8) for b in range(a) if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1])
+_FACES_OF_EDGE = np.array(
+    [[axis + 3 * _CORNERS[a][axis] for axis in range(3) if _CORNERS[a][axis] == _CORNERS[b][axis]] for a, b in _EDGES]
+)
+
+
+def hiding_planes(lower: ArrayLike, upper: ArrayLike, eye: ArrayLike) -> Array:
+    """Planes that bound what each box hides, the box included.
+
+    Parameters
+    ----------
+    lower, upper:
+        Opposite corners of the boxes, (b, 3).
+    eye:
+        (3,), outside the boxes.
+
+    Returns
+    -------
+    Array
+        (b, 18, 4): a point p is hidden by a box if n·p < d for every plane (n, d) of it. Planes that bound nothing are
+        (0, 0, 0, 1).
+    """
+    low, high, e = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), np.asarray(eye, dtype=float)
+    to_face = np.concatenate([-low, high], axis=-1)  # (b, 6)
+    faces = np.concatenate([np.broadcast_to(_NORMALS, (len(low), 6, 3)), to_face[..., None]], axis=-1)
+    seen = _NORMALS @ e > to_face  # (b, 6)
+    corners = low[:, None] + _CORNERS * (high - low)[:, None]
+    begin, end = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
+    normal = np.cross(end - begin, e - begin)  # (b, 12, 3): the plane through the edge and the eye
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), np.finfo(float).tiny)
+    center = ((low + high) / 2.0)[:, None]
+    normal *= np.where(np.einsum("bij,bij->bi", normal, center - begin) > 0.0, -1.0, 1.0)[..., None]
+    edges = np.concatenate([normal, np.einsum("bij,bij->bi", normal, begin)[..., None]], axis=-1)
+    outline = seen[:, _FACES_OF_EDGE[:, 0]] != seen[:, _FACES_OF_EDGE[:, 1]]
+    bounds = np.concatenate([seen, outline], axis=-1)[..., None]
+    return np.where(bounds, np.concatenate([faces, edges], axis=1), [0.0, 0.0, 0.0, 1.0])
+
+
+def _split(polygon: Array, plane: Array) -> tuple[Array, Array]:
+    """Split a convex polygon (k, 3) into what lies behind a plane (4,) and what lies before it; (0, 3) is nothing."""
+    side = polygon @ plane[:3] - plane[3]
+    if not (side < 0.0).any():
+        return polygon[:0], polygon
+    if not (side > 0.0).any():
+        return polygon, polygon[:0]
+    behind, before = [], []
+    for k, point in enumerate(polygon):
+        if side[k - 1] * side[k] < 0.0:
+            crossing = polygon[k - 1] + (point - polygon[k - 1]) * side[k - 1] / (side[k - 1] - side[k])
+            behind.append(crossing)
+            before.append(crossing)
+        if side[k] <= 0.0:
+            behind.append(point)
+        if side[k] >= 0.0:
+            before.append(point)
+    return np.array(behind), np.array(before)
+
+
+def cut_hidden(polygons: ArrayLike, planes: Array, *, tolerance: float = 1e-6) -> tuple[Array, NDArray[np.int_]]:
+    """Cut away what is hidden.
+
+    Parameters
+    ----------
+    polygons:
+        Convex and plane, (m, k, 3).
+    planes:
+        As `hiding_planes` returns them, (b, p, 4).
+    tolerance:
+        What lies less far inside is not hidden.
+
+    Returns
+    -------
+    tuple
+        The parts that can be seen (n, l, 3), filled up to the longest by repeating their last corner, and the index of
+        the polygon that each one comes from, (n,). A polygon of which nothing is hidden stays whole.
+    """
+    inner = planes - [0.0, 0.0, 0.0, tolerance]
+    parts, origin = [], []
+    for index, polygon in enumerate(np.asarray(polygons, dtype=float)):
+        pieces = [polygon]
+        # A box whose planes do not all have corners behind them hides nothing of this polygon.
+        near = ((inner[..., :3] @ polygon.T < inner[..., 3:]).any(axis=-1)).all(axis=-1)
+        for box in inner[near]:
+            pieces = [part for piece in pieces for part in _outside(piece, box)]
+        parts += pieces
+        origin += [index] * len(pieces)
+    length = max((len(part) for part in parts), default=3)
+    filled = [part[np.minimum(np.arange(length), len(part) - 1)] for part in parts]
+    return np.array(filled).reshape(-1, length, 3), np.array(origin, dtype=int)
+
+
+def _outside(polygon: Array, planes: Array) -> list[Array]:
+    """Parts of a convex polygon (k, 3) that are not behind all of the planes (p, 4)."""
+    rest, outside = polygon, []
+    for plane in planes:
+        rest, before = _split(rest, plane)
+        if len(before):
+            outside.append(before)
+        if not len(rest):
+            return [polygon]
+    return outside

@@ -1,0 +1,283 @@
+"""One statement of a paper, judged from repeated simulation runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.transforms import Array, check_array
+
+MIN_AGREEMENT = 0.9
+"""Share of the repeats that must go the paper's way for it to count as found."""
+
+LEVELS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Values of each gain in the paper's sweeps (A section 5.2); the other two gains are then zero."""
+
+SIMPLE = (0.0, 0.0, 0.0)
+"""The gains (k_z, k_alpha, k_beta) of the paper's simple control, the reference of every change."""
+
+CHOSEN = {"ramp": (0.8, 0.6, 0.0), "testbed": (0.6, 0.4, 0.4)}
+"""The gains (k_z, k_alpha, k_beta) that the paper chooses for each scenario (A section 5.2.3)."""
+
+GAINS = ("k_z", "k_alpha", "k_beta")
+
+KEY = ("scenario", *GAINS, "engine", "time_step", "seed", "layout")
+"""Columns that together name one run."""
+
+STATISTICS = {
+    "median": ("median",),
+    "iqr": ("lower", "upper"),
+    "range": ("min", "max"),
+    "max": ("max",),
+    "mean": ("",),
+}
+"""Endings of the columns that a statistic is taken from; of two, the second minus the first."""
+
+UNITS = {
+    "height": "m",
+    "pitch_rate": "rad/s",
+    "roll_rate": "rad/s",
+    "pitch_angle": "rad",
+    "roll_angle": "rad",
+    "zmp_distance": "m",
+    "zmp_distance_all": "m",
+    "zmp_distance_stance": "m",
+    "stability_margin": "m",
+    "stability_margin_all": "m",
+    "stability_margin_stance": "m",
+    "torso_contact": "",  # a share of the ticks
+    "limb_contact": "",
+    "zmp_outside": "",
+    "zmp_outside_loaded": "",
+    "distance": "m",
+}
+"""Unit of each measure."""
+
+CHANGES = ("change_percent", "direction", "unchanged", "inconclusive")
+EXTREMES = ("highest", "lowest")
+KINDS = (*CHANGES, *EXTREMES, "value", "never", "occurs")
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One thing that the paper says of one statistic of one measure.
+
+    Parameters
+    ----------
+    id, figure, scenario, wording
+        The statement's name, the paper's figure, ``"ramp"`` or ``"testbed"``, and the paper's own words.
+    factor, at
+        A gain and the levels of it that the statement is about; or ``"chosen"``, the paper's chosen gains.
+    measure, statistic
+        ``statistic`` is ``"median"``, ``"iqr"``, ``"range"`` (max - min) or ``"max"`` of ``measure`` over a run;
+        ``"mean"`` is the measure's own column, one number per run.
+    kind, value, tolerance
+        What is said, and how a repeat agrees with it. Changes are against simple control, in percent.
+
+        - ``"change_percent"``: the change, averaged over ``at``, is ``value``; a repeat agrees by its sign.
+        - ``"direction"``: the change has the sign ``value``, at every level of ``at``.
+        - ``"unchanged"``: no change exceeds ``tolerance`` percent, our reading of "no significant effect".
+        - ``"inconclusive"``: at none of ``at`` do the repeats agree on the sign of the change.
+        - ``"highest"``, ``"lowest"``: the m levels in ``at`` are the m most extreme of the gain's six.
+        - ``"value"``: the statistic itself is ``value``; a repeat agrees within ``tolerance``.
+        - ``"never"``, ``"occurs"``: the statistic, a share of time, is zero; is above zero.
+
+        ``tolerance`` of a number is half a unit of its last printed digit. Fields that a kind does not use
+        are NaN.
+    """
+
+    id: str
+    figure: str
+    scenario: str
+    factor: str
+    at: tuple[float, ...]
+    measure: str
+    statistic: str
+    kind: str
+    value: float
+    tolerance: float
+    wording: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A statement beside what was measured, and what follows.
+
+    Parameters
+    ----------
+    repeats, left_out
+        Repeats used, and those left out because a run that they need is missing, failed or not finite, or
+        because a change in percent would start from zero.
+    effect, low, high
+        Median, 5th and 95th percentile over the repeats, in ``unit``: of the statistic itself (``"value"``,
+        ``"never"``, ``"occurs"``), of the mean change (``"change_percent"``), of the difference between the mean of
+        the named and of the other levels (``"highest"``, ``"lowest"``), else of the change at the level that speaks
+        most against the paper. NaN without two repeats.
+    agreement
+        Share of the repeats that go the paper's way; for ``"inconclusive"`` the share of levels at which the
+        repeats do not agree on a sign.
+    verdict
+        ``"reproduced"``, ``"same direction"``, ``"not reproduced"`` or ``"no data"``.
+    """
+
+    statement: Statement
+    repeats: int
+    left_out: int
+    effect: float
+    low: float
+    high: float
+    unit: str
+    agreement: float
+    verdict: str
+
+
+def columns_of(statement: Statement) -> list[str]:
+    """Columns of a table of runs from which the statement's statistic is taken."""
+    return [f"{statement.measure}_{end}" if end else statement.measure for end in STATISTICS[statement.statistic]]
+
+
+def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
+    """Raise InvalidInputError where columns are missing, a run is not named in full, or two runs have one name."""
+    needed = dict.fromkeys([*KEY, "status", *(column for s in statements for column in columns_of(s))])
+    missing = [column for column in needed if column not in runs.columns]
+    if missing:
+        raise InvalidInputError(f"runs: missing columns {', '.join(missing)}")
+    for column in KEY:
+        if runs[column].isna().any():
+            raise InvalidInputError(f"runs: {column} is missing in {int(runs[column].isna().sum())} rows")
+    # Gains that went through arithmetic may differ in the last bit.
+    keys = runs[list(KEY)].round(dict.fromkeys(GAINS, 6))
+    repeated = keys[keys.duplicated()]
+    if len(repeated):
+        first = ", ".join(f"{name} {value}" for name, value in repeated.iloc[0].items())
+        raise InvalidInputError(f"runs: {len(repeated)} runs are given twice; the first: {first}")
+
+
+def change_percent(before: ArrayLike, after: ArrayLike) -> Array:
+    """Change from ``before`` to ``after`` in percent of the size of ``before``, element by element, (...) each.
+
+    Of the size, so that a rise is positive where ``before`` is negative, as a stability margin may be. Raises
+    InvalidInputError for a ``before`` of zero.
+    """
+    a, b = check_array("before", before, ()), check_array("after", after, ())
+    if a.shape != b.shape or (a == 0.0).any():
+        raise InvalidInputError(f"before, after: shapes {a.shape} and {b.shape} must be equal, and no before zero")
+    return 100.0 * (b - a) / np.abs(a)
+
+
+def judge(statement: Statement, runs: pd.DataFrame) -> Verdict:
+    """Compare a statement with the runs of one engine at one time step, one row each.
+
+    Runs are paired by seed and layout: a repeat is one start on one layout, run with every gain that the statement
+    needs, each with status ``"ok"``.
+
+    - *reproduced*: at least 90 % of the repeats agree (see ``Statement``) and the paper's number, if it gives one,
+      lies between their 5th and 95th percentiles to the digits printed. A ``"value"`` needs only the latter, an
+      ``"inconclusive"`` every level open.
+    - *same direction*: at least 90 % of the repeats have the sign of a ``"change_percent"``, but its number lies
+      outside.
+    - *not reproduced*: neither.
+    - *no data*: fewer than two repeats.
+
+    Raises InvalidInputError for missing columns, for a run given twice, and for several engines or time steps.
+    """
+    check_runs(runs, [statement])
+    runs = runs[runs["scenario"] == statement.scenario]
+    cases = runs[["engine", "time_step"]].drop_duplicates()
+    if len(cases) > 1:
+        found = "; ".join(f"{engine} at {step:g} s" for engine, step in cases.itertuples(index=False))
+        raise InvalidInputError(f"runs: a verdict is on one engine and one time step, got {found}")
+    return judge_checked(statement, runs)
+
+
+def judge_checked(statement: Statement, runs: pd.DataFrame) -> Verdict:
+    """``judge`` for runs that ``check_runs`` has passed, of the statement's scenario, one engine and one time step."""
+    started = _repeats(statement, runs)
+    values = started[np.isfinite(started).all(axis=1)]
+    if statement.kind in CHANGES:
+        values = values[values[:, 0] != 0.0]
+    elif statement.kind in EXTREMES:
+        values = values[values[:, len(statement.at) :].mean(axis=1) != 0.0]
+    relative = statement.kind in CHANGES + EXTREMES
+    repeats, left_out = len(values), len(started) - len(values)
+    unit = "%" if relative else UNITS[statement.measure]
+    if repeats < 2:
+        return Verdict(statement, repeats, left_out, np.nan, np.nan, np.nan, unit, np.nan, "no data")
+    effect, agreement = _effect(statement, values)
+    low, high = (float(bound) for bound in np.percentile(effect, [5, 95]))
+    tolerance = 0.0 if np.isnan(statement.tolerance) else statement.tolerance
+    inside = low - tolerance <= statement.value <= high + tolerance
+    if statement.kind == "value":
+        verdict = "reproduced" if inside else "not reproduced"
+    elif agreement < (1.0 if statement.kind == "inconclusive" else MIN_AGREEMENT):
+        verdict = "not reproduced"
+    else:
+        verdict = "same direction" if statement.kind == "change_percent" and not inside else "reproduced"
+    return Verdict(statement, repeats, left_out, float(np.median(effect)), low, high, unit, agreement, verdict)
+
+
+def _gains(statement: Statement) -> list[tuple[float, ...]]:
+    """Gains that the statement needs: the reference of a change first, the named levels, the levels not named."""
+
+    def swept(level: float) -> tuple[float, ...]:
+        return tuple(level if name == statement.factor else 0.0 for name in GAINS)
+
+    named: list[tuple[float, ...]]
+    if statement.factor == "chosen":
+        named = [CHOSEN[statement.scenario]]
+    else:
+        named = [swept(level) for level in statement.at]
+    if statement.kind in CHANGES:
+        return [SIMPLE, *named]
+    if statement.kind in EXTREMES:
+        return [*named, *(swept(level) for level in LEVELS if level not in statement.at)]
+    return named
+
+
+def _repeats(statement: Statement, runs: pd.DataFrame) -> Array:
+    """Statistic (n, gains) of every repeat of which at least one run exists; NaN where a run is missing or failed."""
+    data = runs[columns_of(statement)]
+    try:
+        data = data.astype(float)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"runs: {', '.join(data.columns)}: {error}") from error
+    data = data.where(runs["status"] == "ok")
+    statistic = data.iloc[:, -1] - data.iloc[:, 0] if data.shape[1] == 2 else data.iloc[:, 0]
+    statistic = statistic.set_axis(pd.MultiIndex.from_frame(runs[["seed", "layout"]]))
+    gains = runs[list(GAINS)].to_numpy(dtype=float)
+    columns = [
+        statistic[np.isclose(gains, wanted, rtol=0.0, atol=1e-6).all(axis=1)].rename(i)
+        for i, wanted in enumerate(_gains(statement))
+    ]
+    return pd.concat(columns, axis=1).to_numpy(dtype=float)
+
+
+def _effect(statement: Statement, values: Array) -> tuple[Array, float]:
+    """Effect (n,) of each repeat and the agreement, from the statistic (n, gains) ordered as ``_gains`` has it."""
+    kind = statement.kind
+    if kind in EXTREMES:
+        named, others = values[:, : len(statement.at)], values[:, len(statement.at) :]
+        effect = change_percent(others.mean(axis=1), named.mean(axis=1))
+        sign = 1.0 if kind == "highest" else -1.0
+        return effect, float(np.mean((sign * named).min(axis=1) > (sign * others).max(axis=1)))
+    if kind not in CHANGES:
+        effect = values.mean(axis=1)
+        if kind == "value":
+            return effect, float(np.mean(np.abs(effect - statement.value) <= statement.tolerance))
+        return effect, float(np.mean(effect == 0.0 if kind == "never" else effect > 0.0))
+    change = change_percent(np.broadcast_to(values[:, :1], values[:, 1:].shape), values[:, 1:])
+    if kind == "change_percent":
+        effect = change.mean(axis=1)
+        return effect, float(np.mean(np.sign(effect) == np.sign(statement.value)))
+    if kind == "direction":
+        weakest = (statement.value * change).min(axis=1)
+        return statement.value * weakest, float(np.mean(weakest > 0.0))
+    if kind == "unchanged":
+        largest = np.take_along_axis(change, np.abs(change).argmax(axis=1)[:, None], axis=1)[:, 0]
+        return largest, float(np.mean(np.abs(largest) <= statement.tolerance))
+    majority = np.maximum(np.mean(change > 0.0, axis=0), np.mean(change < 0.0, axis=0))
+    return change[:, majority.argmax()], float(np.mean(majority < MIN_AGREEMENT))
