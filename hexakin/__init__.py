@@ -28,8 +28,8 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "contact", "dynamics", "engines", "exceptions", "figures", "gait", "kinematics", "measures", "paper", "posture",
-    "stability", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
+    "contact", "dynamics", "engines", "exceptions", "experiments", "figures", "gait", "kinematics", "measures",
+    "paper", "posture", "stability", "studies", "study", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         dynamics,
         engines,
         exceptions,
+        experiments,
         figures,
         gait,
         kinematics,
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
         paper,
         posture,
         stability,
+        studies,
+        study,
         swing,
         symbolic,
         terrain,

@@ -121,6 +121,39 @@ def draw_boxes(
     ax.grid(axis="x", visible=False)
 
 
+def draw_sweep(
+    axes: Sequence[Axes],
+    summaries: Mapping[str, Mapping[str, ArrayLike]],
+    levels: Sequence[float] | Sequence[str],
+    xlabel: str,
+    titles: Sequence[str],
+    *,
+    paper: Mapping[str, Sequence[tuple[float | str, float]]] | None = None,
+    colours: Mapping[str, str] = ENGINE_COLOURS,
+) -> None:
+    """Draw paper A's three panels over a gain: torso height [mm], pitch rate and roll rate [rad/s] per gait cycle.
+
+    ``summaries`` has for each of ``"height"`` [m], ``"pitch_rate"`` and ``"roll_rate"`` [rad/s] what ``draw_boxes``
+    draws; ``paper`` has values to mark, likewise. One legend is put below the figure.
+    """
+    reported = paper or {}
+    for ax, (measure, (label, unit)), title in zip(axes, _PANELS.items(), titles, strict=True):
+        boxes = {name: unit * np.asarray(values) for name, values in summaries[measure].items()}
+        marks = [(level, unit * value) for level, value in reported.get(measure, ())]
+        draw_boxes(ax, boxes, levels, label, xlabel=xlabel, paper=marks, colours=colours)
+        ax.set_ylim(bottom=0.0)
+        ax.set_title(title)
+    entries = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    axes[0].figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=len(entries))
+
+
+_PANELS = {
+    "height": ("torso height [mm]", 1e3),
+    "pitch_rate": ("pitch rate [rad/s]", 1.0),
+    "roll_rate": ("roll rate [rad/s]", 1.0),
+}
+
+
 def _places(levels: Sequence[float] | Sequence[str]) -> Array:
     """Where levels lie along an axis (n,): numbers at their values, words at 0, 1, ..."""
     named = [isinstance(level, str) for level in levels]

@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
 from hexakin.block_faces import BlockFaces, SolidFaces, block_columns
-from hexakin.charts import bar_effects, box_groups, draw_boxes, heat_map
+from hexakin.charts import bar_effects, box_groups, draw_boxes, draw_sweep, heat_map
 from hexakin.exceptions import InvalidInputError
 from hexakin.figure_style import (
     BLUE,
@@ -42,10 +42,37 @@ from hexakin.transforms import Array, check_array, transform_points
 from hexakin.walker import WalkPlan
 
 __all__ = [
-    "BLUE", "CONTROLLED", "ENGINE_COLOURS", "GREEN", "GREY", "LEG_COLOURS", "MM", "ORANGE", "PURPLE", "RED", "SIMPLE",
-    "STYLE", "axes_3d", "bar_effects", "box_groups", "draw_boxes", "draw_frame", "draw_joint_angles", "draw_plan",
-    "draw_plane", "draw_robot", "draw_skeleton", "draw_terrain", "draw_wireframe", "flow_chart", "heat_map",
-    "plot_leg_angles", "save_pdf", "set_equal_3d", "use_style",
+    "BLUE",
+    "CONTROLLED",
+    "ENGINE_COLOURS",
+    "GREEN",
+    "GREY",
+    "LEG_COLOURS",
+    "MM",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "SIMPLE",
+    "STYLE",
+    "axes_3d",
+    "bar_effects",
+    "box_groups",
+    "draw_boxes",
+    "draw_frame",
+    "draw_joint_angles",
+    "draw_plan",
+    "draw_plane",
+    "draw_robot",
+    "draw_skeleton",
+    "draw_sweep",
+    "draw_terrain",
+    "draw_wireframe",
+    "flow_chart",
+    "heat_map",
+    "plot_leg_angles",
+    "save_pdf",
+    "set_equal_3d",
+    "use_style",
 ]  # fmt: skip
 
 

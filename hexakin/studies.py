@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.experiments import SCENARIOS, walk
-from hexakin.study import Scalar, Study, grid
+from hexakin.robot_file import DATA
+from hexakin.study import Scalar, Study, grid, read_table
+from hexakin.transforms import Array
 from hexakin.verdicts import CHOSEN, GAINS, LEVELS, SIMPLE
 
 ENGINES = ("rigid", "pybullet")
@@ -43,16 +51,38 @@ def sweeps(
     return Study(f"{scenario}_sweeps", walk, tuple(runs))
 
 
-def steps(scenario: str, *, count: int = 5, time_steps: tuple[float, ...] = (0.004, 0.002, 0.001, 0.0005)) -> Study:
-    """Simple control and the chosen gains at several time steps [s], on both engines: a check of convergence."""
+FINER_STEPS = {"rigid": (0.001, 0.0005), "pybullet": (0.001,)}
+"""Time steps [s] at which the comparison of A Figs 16-19 is repeated, beside that of ``sweeps``."""
+
+
+def steps(scenario: str, *, count: int = 10) -> Study:
+    """Simple control and the chosen gains at finer time steps than those of ``sweeps``: a check of convergence."""
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": engine, "time_step": time_step, **repeat}
-        for engine in ENGINES
+        for engine, time_steps in FINER_STEPS.items()
         for time_step in time_steps
         for gains in compared(scenario)
         for repeat in repeats(scenario, count)
     ]
     return Study(f"{scenario}_steps", walk, tuple(runs))
+
+
+def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study:
+    """``sweeps`` on rigid with the other reading of A(28)-(31), which turns the footholds themselves."""
+    settings_that_turn = [gains for gains in settings(scenario) if gains["k_alpha"] or gains["k_beta"]]
+    runs: list[dict[str, Scalar]] = [
+        {
+            "scenario": scenario,
+            **gains,
+            "engine": "rigid",
+            "time_step": time_step,
+            **repeat,
+            "reading": "rotate_foothold",
+        }
+        for gains in settings_that_turn
+        for repeat in repeats(scenario, count)
+    ]
+    return Study(f"{scenario}_turned", walk, tuple(runs))
 
 
 def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Study:
@@ -65,8 +95,52 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
     return Study(f"{scenario}_grid", walk, tuple(runs))
 
 
-_MAKERS: dict[str, Callable[[str], Study]] = {"sweeps": sweeps, "steps": steps, "grid": gain_grid}
+_MAKERS: dict[str, Callable[[str], Study]] = {"sweeps": sweeps, "steps": steps, "turned": turned, "grid": gain_grid}
 STUDIES: dict[str, Callable[[], Study]] = {
     f"{scenario}_{kind}": partial(make, scenario) for kind, make in _MAKERS.items() for scenario in SCENARIOS
 }
 """Paper A's studies by name, whose results are in data/results; ``python -m hexakin study NAME`` makes one."""
+
+
+def fresh(scenario: str, *, count: int = 2) -> Study:
+    """What the notebooks repeat of ``sweeps``: all of it with fewer starts on rigid, one comparison on PyBullet."""
+    rigid = sweeps(scenario, count=count, engines=("rigid",)).runs
+    pybullet = sweeps(scenario, count=1, engines=("pybullet",)).runs
+    ends = [tuple(gains.values()) for gains in compared(scenario)]
+    few = tuple(run for run in pybullet if tuple(run[gain] for gain in GAINS) in ends)
+    return Study(f"{scenario}_fresh", walk, rigid + few)
+
+
+def results(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Table of a full study in data/results and what made it (call, versions, code). Raises UnknownNameError."""
+    folder = DATA / "results"
+    if not (folder / f"{name}.csv").is_file():
+        raise UnknownNameError("results", name, sorted(path.stem for path in folder.glob("*.csv")))
+    about = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    return read_table(folder / f"{name}.csv"), about
+
+
+def swept(gain: str) -> list[dict[str, float]]:
+    """The six settings of one gain's sweep, the other two zero."""
+    if gain not in GAINS:
+        raise UnknownNameError("gain", gain, list(GAINS))
+    return [{**dict.fromkeys(GAINS, 0.0), gain: level} for level in LEVELS]
+
+
+def five_numbers(table: pd.DataFrame, measure: str, gains: Sequence[Mapping[str, float]]) -> Array:
+    """Minimum, quartiles and maximum of a measure in runs of one engine: (settings, repeats, 5).
+
+    Repeats (starts, layouts) in which a setting is missing or failed are left out. Raises InvalidInputError if none is
+    left.
+    """
+    columns = [f"{measure}_{statistic}" for statistic in ("min", "lower", "median", "upper", "max")]
+    per_setting = []
+    for setting in gains:
+        chosen = table[np.logical_and.reduce([np.isclose(table[name], setting[name]) for name in GAINS])]
+        per_setting.append(chosen[chosen["status"] == "ok"].set_index(["seed", "layout"])[columns].dropna())
+    common = per_setting[0].index
+    for runs in per_setting[1:]:
+        common = common.intersection(runs.index)
+    if len(common) == 0:
+        raise InvalidInputError(f"table: no start or layout has {measure} at all of the {len(gains)} settings")
+    return np.array([runs.loc[common.sort_values()].to_numpy() for runs in per_setting])
