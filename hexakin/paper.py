@@ -51,6 +51,7 @@ __all__ = [
     "claim",
     "counts",
     "judge",
+    "reported",
     "robustness",
     "statements",
     "summary",
@@ -73,6 +74,15 @@ def statements(name: str = "athena", path: Path | None = None) -> dict[str, Stat
     if not file.is_file():
         raise UnknownNameError("paper", name, sorted(p.stem for p in (DATA / "paper").glob("*.csv")))
     return _read(file)
+
+
+def reported(figure: str) -> dict[str, list[tuple[float, float]]]:
+    """Numbers that the paper reads off a figure, such as ``"A 10"``: (gain, value) by measure, in SI units."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for s in statements().values():
+        if s.kind == "value" and s.at and s.figure.rstrip("abc") == figure:
+            found.setdefault(s.measure, []).append((s.at[0], s.value))
+    return found
 
 
 def _read(file: Path) -> dict[str, Statement]:

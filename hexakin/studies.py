@@ -95,7 +95,16 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
     return Study(f"{scenario}_grid", walk, tuple(runs))
 
 
-_MAKERS: dict[str, Callable[[str], Study]] = {"sweeps": sweeps, "steps": steps, "turned": turned, "grid": gain_grid}
+def open_choices(scenario: str) -> Study:
+    """What the paper leaves open, varied (``hexakin.sensitivity``)."""
+    from hexakin.sensitivity import sensitivity
+
+    return sensitivity(scenario)
+
+
+_MAKERS: dict[str, Callable[[str], Study]] = {
+    "sweeps": sweeps, "steps": steps, "turned": turned, "sensitivity": open_choices, "grid": gain_grid,
+}  # fmt: skip
 STUDIES: dict[str, Callable[[], Study]] = {
     f"{scenario}_{kind}": partial(make, scenario) for kind, make in _MAKERS.items() for scenario in SCENARIOS
 }
@@ -144,3 +153,9 @@ def five_numbers(table: pd.DataFrame, measure: str, gains: Sequence[Mapping[str,
     if len(common) == 0:
         raise InvalidInputError(f"table: no start or layout has {measure} at all of the {len(gains)} settings")
     return np.array([runs.loc[common.sort_values()].to_numpy() for runs in per_setting])
+
+
+def panels(tables: Mapping[str, pd.DataFrame], gains: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Array]]:
+    """``five_numbers`` of height, pitch rate and roll rate in several tables, as ``figures.draw_sweep`` takes them."""
+    measures = ("height", "pitch_rate", "roll_rate")
+    return {m: {name: five_numbers(table, m, gains) for name, table in tables.items()} for m in measures}

@@ -1,0 +1,106 @@
+"""What the choices that paper A leaves open do to its results: Morris' elementary effects (SALib).
+
+Each choice has a range of plausible values. Morris (1991) walks through the box of all ranges along trajectories that
+change one choice at a time; mean and spread of the changes it causes say how much it matters and whether it
+interacts with others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.experiments import walk
+from hexakin.studies import compared
+from hexakin.study import Scalar, Study
+from hexakin.transforms import Array
+from hexakin.verdicts import GAINS
+
+try:
+    from SALib.analyze import morris as analyze
+    from SALib.sample import morris as sample
+except ImportError as error:
+    raise MissingPackageError("SALib", "a sensitivity study", 'pip install "hexakin[notebooks]"') from error
+
+LEVELS = 4  # Morris' grid: a choice takes 0, 1/3, 2/3 or 1 of its range
+
+
+def _between(low: float, high: float) -> Callable[[float], float]:
+    return lambda share: round(low + share * (high - low), 6)
+
+
+def _either(first: Scalar, second: Scalar) -> Callable[[float], Scalar]:
+    return lambda share: first if share < 0.5 else second
+
+
+CHOICES: dict[str, Callable[[float], Scalar]] = {
+    "stride": _between(0.030, 0.060),  # [m]; the corner legs reach about 65 mm
+    "apex": _between(0.020, 0.050),  # [m]
+    "servo_rate": _between(10.0, 40.0),  # [1/s]: a lag of two ticks to half a tick
+    "start_from": _either("actual", "command"),
+    "force_sampling": _either("mean", "last"),
+    "reference_offset": _between(-0.010, 0.010),  # [m]
+    "num_cycles": lambda share: 12 + 4 * round(3 * share),  # 12 to 24
+    "foot_radius": _between(0.010, 0.025),  # [m]
+    "mount_scale": _between(0.85, 1.15),  # of l_1
+    "friction": _between(0.5, 1.1),
+    "time_step": lambda share: (0.0005, 0.001, 0.002, 0.0025)[round(3 * share)],  # [s]
+}
+"""Choices and what a share in [0, 1] of each one's range stands for."""
+
+_PROBLEM = {"num_vars": len(CHOICES), "names": list(CHOICES), "bounds": [[0.0, 1.0]] * len(CHOICES)}
+
+
+def points(trajectories: int, seed: int = 0) -> Array:
+    """Morris' sample (trajectories * (choices + 1), choices) of shares in [0, 1], optimised for spread by SALib."""
+    return np.asarray(
+        sample.sample(_PROBLEM, 10 * trajectories, num_levels=LEVELS, optimal_trajectories=trajectories, seed=seed)
+    )
+
+
+def sensitivity(scenario: str, *, trajectories: int = 10, seed: int = 0) -> Study:
+    """Simple control and the chosen gains at every point of a Morris sample, on the rigid engine, from one start."""
+    runs: list[dict[str, Scalar]] = []
+    for shares in points(trajectories, seed):
+        choices = {name: at(share) for (name, at), share in zip(CHOICES.items(), shares, strict=True)}
+        runs += [
+            {"scenario": scenario, **gains, "engine": "rigid", "seed": 0, "layout": 0, **choices}
+            for gains in compared(scenario)
+        ]
+    return Study(f"{scenario}_sensitivity", walk, tuple(runs))
+
+
+def elementary_effects(
+    table: pd.DataFrame, scenario: str, outcome: Callable[[Mapping[str, Any], Mapping[str, Any]], float],
+    *, trajectories: int = 10, seed: int = 0,
+) -> pd.DataFrame:  # fmt: skip
+    """Morris' measures of an outcome: one row per choice, with ``mu``, ``mu_star``, ``sigma`` and ``mu_star_conf``.
+
+    ``outcome`` gets the rows of simple control and of the chosen gains at one point. ``mu_star`` is the mean size of
+    the change that a choice causes over its range, in the outcome's unit, ``mu_star_conf`` half of its 95 % interval.
+    Runs that failed take their trajectory with them. Raises InvalidInputError if fewer than two are left.
+    """
+    shares = points(trajectories, seed)
+    keyed = {_key(row): row for row in table[table["status"] == "ok"].to_dict("records")}
+    simple, chosen = compared(scenario)
+    values = np.full(len(shares), np.nan)
+    for k, point in enumerate(shares):
+        choices = {name: at(share) for (name, at), share in zip(CHOICES.items(), point, strict=True)}
+        ends = [keyed.get(_key({**gains, **choices})) for gains in (simple, chosen)]
+        if ends[0] is not None and ends[1] is not None:
+            values[k] = outcome(ends[0], ends[1])
+    whole = np.isfinite(values.reshape(trajectories, -1)).all(axis=1)
+    if whole.sum() < 2:
+        raise InvalidInputError(f"table: {whole.sum()} whole trajectories, expected at least 2")
+    used = np.repeat(whole, len(CHOICES) + 1)
+    found = analyze.analyze(_PROBLEM, shares[used], values[used], num_levels=LEVELS, seed=seed)
+    columns = {name: np.asarray(found[name]) for name in ("mu", "mu_star", "sigma", "mu_star_conf")}
+    return pd.DataFrame(columns, index=pd.Index(list(CHOICES), name="choice"))
+
+
+def _key(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(row[name] if isinstance(row[name], str) else round(float(row[name]), 9) for name in (*GAINS, *CHOICES))
