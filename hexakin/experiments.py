@@ -155,14 +155,14 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     mean squares over every physics step (``..._tick`` over control ticks alone). Per control tick: ``pitch_angle``
     and ``roll_angle`` [rad] of the torso against the ground's mean plane (A Fig. 8); ``zmp_distance`` from the ZMP to
     the centroid of the loaded feet's polygon and ``stability_margin`` [m], without ticks in which the torso or a limb
-    touches the ground; the same with ``_all`` over all ticks and with ``_stance`` for the polygon of the commanded
-    stance feet.
+    touches the ground; with ``_all``, over all ticks; with ``_stance``, for the polygon of the commanded stance feet;
+    and with ``_stance_all``.
 
     Single columns: ``cycles`` measured; ``torso_contact`` and ``limb_contact``, shares of ticks; ``distance`` [m]
     forward along the ground and ``drift`` [m] to the right; ``zmp_used``, the share of ticks behind ``zmp_distance``;
-    ``zmp_outside`` and ``zmp_outside_loaded``, shares of these in which the ZMP leaves the stance feet's and the
-    loaded feet's polygon; ``extending`` and ``limited``, shares of ticks in which feet reach for lost ground or are
-    clipped at a limit; ``penetration`` [m], the deepest; ``solver_residual``, the largest.
+    ``zmp_outside_loaded`` and ``zmp_outside_stance`` (with ``_all`` likewise), shares of ticks in which the ZMP leaves
+    the polygon; ``extending`` and ``limited``, shares of ticks in which feet reach for lost ground or are clipped at a
+    limit; ``penetration`` [m], the deepest; ``solver_residual``, the largest.
 
     Raises SimulationError if the recording holds fewer whole cycles.
     """
@@ -175,19 +175,18 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     for name in ("height", "pitch_rate", "roll_rate"):
         values |= summary(name, getattr(cycles, name)[first])
     for name in ("pitch_rate", "roll_rate"):
-        values |= summary(f"{name}_tick", getattr(ticks, name)[first], ("lower", "median", "upper"))
+        values |= summary(f"{name}_tick", getattr(ticks, name)[first])
     pitch, roll = _tilt(recording, ground)
     values |= summary("pitch_angle", pitch[used]) | summary("roll_angle", roll[used])
     loaded, stance = stability.series(recording, "loaded"), stability.series(recording, "stance")
     free = used & ~loaded.body_touches
-    for suffix, series, mask in (("", loaded, free), ("_all", loaded, used), ("_stance", stance, free)):
-        shown = tuple(_SUMMARY) if suffix == "" else ("lower", "median", "upper")
-        counted = mask & series.defined
-        values |= summary(f"zmp_distance{suffix}", series.centroid_distance[counted], shown)
-        values |= summary(f"stability_margin{suffix}", series.margin[counted], shown)
-        if suffix != "_all":
+    for polygon, series in (("", loaded), ("_stance", stance)):
+        for ticks_used, mask in (("", free), ("_all", used)):
+            counted = mask & series.defined
+            values |= summary(f"zmp_distance{polygon}{ticks_used}", series.centroid_distance[counted])
+            values |= summary(f"stability_margin{polygon}{ticks_used}", series.margin[counted])
             outside = np.mean(series.margin[counted] < -_ROUNDING) if counted.any() else np.nan
-            values["zmp_outside" if suffix else "zmp_outside_loaded"] = float(outside)
+            values[f"zmp_outside{polygon or '_loaded'}{ticks_used}"] = float(outside)
     values["zmp_used"] = float(np.mean(loaded.defined[used] & free[used]))
     values["torso_contact"] = float(np.mean(recording.torso_force[used] > 0.0))
     values["limb_contact"] = float(np.mean(recording.limb_force[used] > 0.0))
@@ -204,12 +203,11 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
 _ROUNDING = 1e-9  # [m] A(32) puts the ZMP of two loaded feet onto an edge
 
 
-def summary(name: str, values: ArrayLike, shown: tuple[str, ...] = tuple(_SUMMARY)) -> dict[str, float]:
+def summary(name: str, values: ArrayLike) -> dict[str, float]:
     """Smallest, quartiles and largest of a sample as columns ``<name>_min`` ...; NaN of an empty sample."""
     sample = np.asarray(values, dtype=float)
-    percentiles = [_SUMMARY[statistic] for statistic in shown]
-    found = np.percentile(sample, percentiles) if sample.size else np.full(len(shown), np.nan)
-    return {f"{name}_{statistic}": float(value) for statistic, value in zip(shown, found, strict=True)}
+    found = np.percentile(sample, list(_SUMMARY.values())) if sample.size else np.full(len(_SUMMARY), np.nan)
+    return {f"{name}_{statistic}": float(value) for statistic, value in zip(_SUMMARY, found, strict=True)}
 
 
 def _tilt(recording: Recording, ground: Terrain) -> tuple[Array, Array]:

@@ -249,14 +249,14 @@ def _three_digits(x: float) -> str:
 
 
 _GAIN_NAMES = {"k_z": "k_z", "k_alpha": "k_α", "k_beta": "k_β"}
+_WHICH = {"": "", "_all": " (all ticks)", "_stance": " (stance polygon)", "_stance_all": " (stance polygon, all ticks)"}
 _MEASURE_NAMES = {
-    "zmp_distance": "ZMP distance",
-    "zmp_distance_all": "ZMP distance (all ticks)",
-    "zmp_distance_stance": "ZMP distance (stance polygon)",
-    "stability_margin_all": "stability margin (all ticks)",
-    "stability_margin_stance": "stability margin (stance polygon)",
-    "zmp_outside": "ZMP outside the stance polygon",
+    **{f"zmp_distance{which}": f"ZMP distance{said}" for which, said in _WHICH.items()},
+    **{f"stability_margin{which}": f"stability margin{said}" for which, said in _WHICH.items()},
     "zmp_outside_loaded": "ZMP outside the loaded polygon",
+    "zmp_outside_loaded_all": "ZMP outside the loaded polygon (all ticks)",
+    "zmp_outside_stance": "ZMP outside the stance polygon",
+    "zmp_outside_stance_all": "ZMP outside the stance polygon (all ticks)",
 }
 _STATISTIC_NAMES = {"median": " median", "iqr": " IQR", "range": " range", "max": " maximum", "mean": ""}
 

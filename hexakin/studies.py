@@ -95,6 +95,19 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
     return Study(f"{scenario}_grid", walk, tuple(runs))
 
 
+def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
+    """Simple control and the chosen gains on testbeds of smaller blocks and higher steps, on the rigid engine."""
+    # [m]; 0.09 is the whole range of heights
+    beds = [{"block_size": size, "max_step": step} for size in (0.2, 0.1) for step in (0.03, 0.06, 0.09)]
+    runs: list[dict[str, Scalar]] = [
+        {"scenario": "testbed", **gains, "engine": "rigid", "time_step": time_step, **repeat, **bed}
+        for bed in beds
+        for gains in compared("testbed")
+        for repeat in repeats("testbed", count)
+    ]
+    return Study("testbed_rougher", walk, tuple(runs))
+
+
 def open_choices(scenario: str) -> Study:
     """What the paper leaves open, varied (``hexakin.sensitivity``)."""
     from hexakin.sensitivity import sensitivity
@@ -108,7 +121,8 @@ _MAKERS: dict[str, Callable[[str], Study]] = {
 STUDIES: dict[str, Callable[[], Study]] = {
     f"{scenario}_{kind}": partial(make, scenario) for kind, make in _MAKERS.items() for scenario in SCENARIOS
 }
-"""Paper A's studies by name, whose results are in data/results; ``python -m hexakin study NAME`` makes one."""
+"""Paper A's studies by name; ``python -m hexakin study NAME`` makes one. Their results are in data/results."""
+STUDIES["testbed_rougher"] = rougher
 
 
 def fresh(scenario: str, *, count: int = 2) -> Study:

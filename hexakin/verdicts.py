@@ -43,16 +43,14 @@ UNITS = {
     "roll_rate": "rad/s",
     "pitch_angle": "rad",
     "roll_angle": "rad",
-    "zmp_distance": "m",
-    "zmp_distance_all": "m",
-    "zmp_distance_stance": "m",
-    "stability_margin": "m",
-    "stability_margin_all": "m",
-    "stability_margin_stance": "m",
+    **{
+        f"{name}{which}": "m"
+        for name in ("zmp_distance", "stability_margin")
+        for which in ("", "_all", "_stance", "_stance_all")
+    },
     "torso_contact": "",  # a share of the ticks
     "limb_contact": "",
-    "zmp_outside": "",
-    "zmp_outside_loaded": "",
+    **{f"zmp_outside{which}": "" for which in ("_loaded", "_loaded_all", "_stance", "_stance_all")},
     "distance": "m",
 }
 """Unit of each measure."""
