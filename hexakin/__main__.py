@@ -1,4 +1,8 @@
-"""Command line: ``python -m hexakin study NAME`` makes a study, or goes on with one that was interrupted."""
+"""Command line.
+
+``python -m hexakin study NAME`` makes a study, or goes on with one that was interrupted.
+``python -m hexakin statements`` prints every statement of paper A beside what the committed results say.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hexakin.exceptions import HexakinError, UnknownNameError
+from hexakin.exceptions import HexakinError, StudyError, UnknownNameError
 
 if TYPE_CHECKING:
     from hexakin.study import Study
@@ -24,9 +28,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study.add_argument("--jobs", type=int, help="processes (default: one for each core)")
     study.add_argument("--restart", action="store_true", help="set earlier results aside and begin anew")
     study.add_argument("--quiet", action="store_true", help="show no progress")
+    commands.add_parser("statements", help="print paper A's statements beside what was found, as in the README")
     options = parser.parse_args(arguments)
     try:
-        return _study(options)
+        return _study(options) if options.command == "study" else _statements()
     except HexakinError as error:
         print(f"hexakin: {error}", file=sys.stderr)
         return 1
@@ -51,8 +56,7 @@ def _study(options: argparse.Namespace) -> int:
     for name in options.names:
         if name not in studies.STUDIES and ":" not in name:
             raise UnknownNameError("study", name, [*studies.STUDIES, "MODULE:STUDY"])
-    for name in options.names:
-        chosen = studies.STUDIES[name]() if name in studies.STUDIES else _imported(name)
+    for chosen in [studies.STUDIES[name]() if name in studies.STUDIES else _imported(name) for name in options.names]:
         table = study.run(
             chosen, options.folder, jobs=options.jobs, progress=not options.quiet, restart=options.restart
         )
@@ -61,18 +65,34 @@ def _study(options: argparse.Namespace) -> int:
     return 0
 
 
-def _imported(name: str) -> Study:
-    from hexakin.study import Study
+def _statements() -> int:
+    from hexakin import studies
 
-    module, _, attribute = name.partition(":")
-    sys.path.insert(0, "")
+    print(studies.statements_table(), end="")
+    return 0
+
+
+def _imported(name: str) -> Study:
+    """The study that MODULE:STUDY names."""
+    from hexakin.study import Study, fault
+
+    module_name, _, attribute = name.partition(":")
+    doing = f"importing {module_name}"
     try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise UnknownNameError("study", name, [str(error)]) from error
-    found = found() if callable(found) else found
+        module = importlib.import_module(module_name)
+        found = getattr(module, attribute, None)
+        if callable(found):
+            doing = f"calling {attribute}"
+            found = found()
+    except HexakinError:
+        raise
+    except Exception as error:  # whatever the user's module raises
+        raise StudyError(f"study {name}: {doing} failed: {fault(error)}") from error
+    if found is None:
+        known = [f"{module_name}:{other}" for other, value in vars(module).items() if isinstance(value, Study)]
+        raise UnknownNameError("study", name, known or [f"none in {module_name}"])
     if not isinstance(found, Study):
-        raise UnknownNameError("study", name, [f"expected a hexakin.study.Study, got {found!r:.80}"])
+        raise StudyError(f"study {name}: expected a hexakin.study.Study or a function returning one, got {found!r:.80}")
     return found
 
 

@@ -2,73 +2,94 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from hexakin.exceptions import StudyError
 
 _FORMAT = "hexakin-journal-1"
 
+KEPT = "what was finished is kept, and the same call goes on from there"
+
 
 class Journal:
     """Records (JSON objects) in a file that only grows.
 
-    ``records`` are those the file held when it was opened. A line that is not whole (its writer was killed, or the disk
-    was full) or not what was written is dropped and counted in ``dropped``. One process at a time may have a journal
-    open. Use as a context manager.
+    ``records`` are those in the file. A line that is not whole (its writer was killed, or the disk was full) or not
+    what was written is dropped on opening and counted in ``dropped``. Use as a context manager, inside ``alone``.
 
-    Raises StudyError for a file of another kind, or when another process has it open.
+    Raises StudyError for a file of another kind, which is left as it is, or one that cannot be written.
     """
 
     def __init__(self, path: Path):
-        from filelock import FileLock, Timeout
-
         self.path = path
-        self._lock = FileLock(path.with_name(path.name + ".lock"))
+        self.records, self.dropped = read(path)
+        if self.dropped:
+            lines = [_line(record) for record in [{"format": _FORMAT}, *self.records]]
+            write_whole(path, b"".join(lines))
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock.acquire(timeout=0)
-        except Timeout as error:
-            raise StudyError(f"{path}: another process is writing it") from error
-        except OSError as error:
-            raise StudyError(f"{path}: cannot be written ({error})") from error
-        try:
-            self.records, self.dropped = read(path)
-            if self.dropped:
-                _rewrite(path, self.records)
             self._file = open(path, "ab", buffering=0)
+        except OSError as error:
+            raise _unwritable(path, error) from error
+        try:
             if self._file.tell() == 0:
                 self._write(_line({"format": _FORMAT}))
         except BaseException:
-            self._lock.release()
+            self._file.close()
             raise
 
     def append(self, record: Mapping[str, Any]) -> None:
         """Add a record; it is on the disk when this returns, or nothing of it is and StudyError is raised."""
         self._write(_line(record))
+        self.records.append(dict(record))
 
     def _write(self, line: bytes) -> None:
         end = os.fstat(self._file.fileno()).st_size
         try:
-            written = self._file.write(line)
-            if written != len(line):
-                raise OSError(f"only {written} of {len(line)} bytes were written")
+            while line:  # a disk that fills up takes a part, and says why at the next
+                line = line[self._file.write(line) :]
             os.fsync(self._file.fileno())
         except OSError as error:
-            os.ftruncate(self._file.fileno(), end)
-            kept = "what was finished is kept, and the same call goes on from there"
-            raise StudyError(f"{self.path}: {error.strerror or error}; {kept}") from error
+            with contextlib.suppress(OSError):  # what then stays of the line is dropped by the next reader
+                os.ftruncate(self._file.fileno(), end)
+            raise StudyError(f"{self.path}: {error.strerror or error}; {KEPT}") from error
 
     def __enter__(self) -> Journal:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._file.close()
-        self._lock.release()
+
+
+@contextlib.contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Keep other processes from the file ``path``, whose folder is made if it is missing, and those beside it.
+
+    Raises StudyError if another process does so, or if nothing can be written there. The lock of a process that was
+    killed is gone with it.
+    """
+    lock = FileLock(path.with_name(path.name + ".lock"))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        raise StudyError(f"{path}: another process is writing it") from error
+    except (FileExistsError, NotADirectoryError) as error:
+        raise StudyError(f"{path}: cannot be written ({path.parent} is not a folder)") from error
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def read(path: Path) -> tuple[list[dict[str, Any]], int]:
@@ -77,18 +98,53 @@ def read(path: Path) -> tuple[list[dict[str, Any]], int]:
     Raises StudyError for a file that is no journal.
     """
     try:
-        lines = path.read_bytes().splitlines(keepends=True)
+        data = path.read_bytes()
     except FileNotFoundError:
         return [], 0
     except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error})") from error
+        raise StudyError(f"{path}: cannot be read ({error.strerror or error})") from error
+    *lines, rest = data.split(b"\n")
     found = [_record(line) for line in lines]
     records = [record for record in found if record is not None]
-    header = _line({"format": _FORMAT})
+    is_journal = records and records[0].get("format", _FORMAT) == _FORMAT
     # A writer killed at once leaves the beginning of the first line and nothing else.
-    if lines and lines[0] != header and not (len(lines) == 1 and header.startswith(lines[0])):
+    if not is_journal and not _line({"format": _FORMAT}).startswith(data):
         raise StudyError(f"{path}: not a hexakin journal (expected format {_FORMAT})")
-    return records[1:], len(found) - len(records)
+    dropped = len(found) - len(records) + bool(rest)
+    return [record for record in records if "format" not in record], dropped
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all. Raises StudyError."""
+    temporary = path.with_name(path.name + ".part")
+    try:
+        with open(temporary, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise _unwritable(path, error) from error
+
+
+def set_aside(paths: Sequence[Path]) -> None:
+    """Rename files that belong together, so that none is lost: ``.1.old``, or the next number that all have free."""
+    for number in itertools.count(1):
+        aside = [path.with_name(f"{path.name}.{number}.old") for path in paths]
+        if not any(path.exists() for path in aside):
+            break
+    try:
+        for old, new in zip(paths, aside, strict=True):
+            if old.exists():
+                os.replace(old, new)
+    except OSError as error:
+        raise StudyError(f"{old}: cannot be set aside ({error.strerror or error})") from error
+
+
+def _unwritable(path: Path, error: OSError) -> StudyError:
+    return StudyError(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def _line(record: Mapping[str, Any]) -> bytes:
@@ -97,17 +153,6 @@ def _line(record: Mapping[str, Any]) -> bytes:
 
 
 def _record(line: bytes) -> dict[str, Any] | None:
+    """A line's record, None if the line is not what was written."""
     checksum, _, text = line.partition(b" ")
-    if not text.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text[:-1]):
-        return None
-    return json.loads(text)
-
-
-def _rewrite(path: Path, records: list[dict[str, Any]]) -> None:
-    """Write the whole lines alone; the file is replaced when all of them are on the disk."""
-    temporary = path.with_name(path.name + ".part")
-    with open(temporary, "wb") as stream:
-        stream.writelines(_line(record) for record in [{"format": _FORMAT}, *records])
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(temporary, path)
+    return json.loads(text) if checksum == b"%08x" % zlib.crc32(text) else None

@@ -16,7 +16,8 @@ import pandas as pd
 from hexakin.exceptions import InvalidInputError, MissingPackageError
 from hexakin.experiments import walk
 from hexakin.studies import compared
-from hexakin.study import Scalar, Study
+from hexakin.study import Study
+from hexakin.tables import Scalar
 from hexakin.transforms import Array
 from hexakin.verdicts import GAINS
 

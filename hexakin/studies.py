@@ -12,8 +12,10 @@ import pandas as pd
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.experiments import SCENARIOS, walk
+from hexakin.paper import summary, verdicts
 from hexakin.robot_file import DATA
-from hexakin.study import Scalar, Study, grid, read_table
+from hexakin.study import Study, grid
+from hexakin.tables import Scalar, read_table
 from hexakin.transforms import Array
 from hexakin.verdicts import CHOSEN, GAINS, LEVELS, SIMPLE
 
@@ -170,6 +172,16 @@ def five_numbers(table: pd.DataFrame, measure: str, gains: Sequence[Mapping[str,
 
 
 def panels(tables: Mapping[str, pd.DataFrame], gains: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Array]]:
-    """``five_numbers`` of height, pitch rate and roll rate in several tables, as ``figures.draw_sweep`` takes them."""
+    """``five_numbers`` of height, pitch rate and roll rate in several tables, as ``figures.draw_sweep`` takes them.
+
+    A table without any of the ``gains``' runs is left out.
+    """
+    held = {n: t for n, t in tables.items() if all(len(t.merge(pd.DataFrame([setting]))) for setting in gains)}
     measures = ("height", "pitch_rate", "roll_rate")
-    return {m: {name: five_numbers(table, m, gains) for name, table in tables.items()} for m in measures}
+    return {m: {name: five_numbers(table, m, gains) for name, table in held.items()} for m in measures}
+
+
+def statements_table() -> str:
+    """Every statement of paper A beside what the committed sweeps found, as the README's markdown table."""
+    sweeps_made = pd.concat([results(f"{scenario}_sweeps")[0] for scenario in SCENARIOS])
+    return summary(verdicts(sweeps_made))

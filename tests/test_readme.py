@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from hexakin import studies
+
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 NOTEBOOKS = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in (ROOT / "notebooks").glob("*.ipynb")}
@@ -76,3 +78,24 @@ def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
     heights, margin, shapes = capsys.readouterr().out.strip().split("\n")
     assert heights.startswith("[0.10") and float(margin) > 0.0
     assert shapes == "(701, 6, 3) (701, 6, 3)"
+
+
+def test_the_table_of_statements_is_computed_from_the_committed_results():
+    """Mend it with: python -m hexakin statements."""
+    _, rest = README.split("<!-- statements: python -m hexakin statements -->\n")
+    assert rest.split("<!-- end of statements -->")[0] == studies.statements_table()
+
+
+def test_the_readmes_study_runs_and_goes_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    example = README.split("```python\n")[2].split("```")[0]
+    namespace = {"__name__": "example"}
+    exec(compile(example, "README.md", "exec"), namespace)
+    assert list(namespace["table"].groupby("k_z").size()) == [2, 2, 2]
+    assert {path.suffix for path in (tmp_path / "results").iterdir()} >= {".csv", ".json", ".journal"}
+    assert capsys.readouterr().out.startswith("k_z")
+
+
+def test_the_studies_that_the_readme_names_exist():
+    names = re.findall(r"^python -m hexakin study (\w+)", README, re.MULTILINE)
+    assert names and set(names) <= set(studies.STUDIES)

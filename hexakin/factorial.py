@@ -1,0 +1,75 @@
+"""What each factor of a full factorial study does, alone and with others, and where one setting stands among all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.transforms import Array, check_array
+
+
+def cells(table: pd.DataFrame, measure: str, factors: Sequence[str]) -> Array:
+    """Values of a full factorial study by the factors' levels and repeat: (levels of each factor ..., repeats).
+
+    Repeats are told apart by ``seed`` and ``layout``; runs that failed are NaN. Raises InvalidInputError for a
+    combination without any run, for one given twice, and for a column that is not there.
+    """
+    missing = [name for name in (*factors, measure, "seed", "layout", "status") if name not in table]
+    if missing:
+        raise InvalidInputError(f"table: missing columns {', '.join(missing)}")
+    if table.duplicated([*factors, "seed", "layout"]).any():
+        raise InvalidInputError("table: a run is given twice")
+    values = table[measure].where(table["status"] == "ok").to_numpy(dtype=float)
+    codes = [pd.factorize(table[name], sort=True) for name in factors]
+    repeat, repeats = pd.factorize(pd.MultiIndex.from_frame(table[["seed", "layout"]]))
+    result = np.full((*(len(levels) for _, levels in codes), len(repeats)), np.nan)
+    result[(*(code for code, _ in codes), repeat)] = values
+    empty = np.argwhere(np.isnan(result).all(axis=-1))
+    if len(empty):
+        setting = ", ".join(f"{n} {levels[k]}" for n, (_, levels), k in zip(factors, codes, empty[0], strict=True))
+        raise InvalidInputError(f"table: {len(empty)} settings without a run; the first: {setting}")
+    return result
+
+
+def variance_shares(values: ArrayLike, factors: Sequence[str]) -> dict[str, float]:
+    """Shares of the variance over all runs that each factor and each interaction explains; they add up to 1.
+
+    ``values`` (levels of each factor ..., repeats). The analysis of variance of a balanced design: an effect is what
+    the mean over all other factors leaves when the effects of fewer factors are taken off. Keys are ``"a"``,
+    ``"a, b"``, ...; ``"repeats"`` is what differs between runs of one setting. Missing runs (NaN) are passed over.
+    """
+    data = np.asarray(values, dtype=float)
+    if data.ndim != len(factors) + 1:
+        raise InvalidInputError(f"values: expected {len(factors)} factors and repeats, got shape {data.shape}")
+    mean = check_array("values: mean over repeats", np.nanmean(data, axis=-1), ())
+    axes = range(len(factors))
+    effects: dict[tuple[int, ...], Array] = {(): mean.mean(keepdims=True)}
+    sums: dict[str, float] = {}
+    for size in range(1, len(factors) + 1):
+        for term in combinations(axes, size):
+            others = tuple(axis for axis in axes if axis not in term)
+            effect = mean.mean(axis=others, keepdims=True) - effects[()]
+            for lower, known in effects.items():
+                if lower and set(lower) < set(term):
+                    effect = effect - known
+            effects[term] = effect
+            name = ", ".join(factors[axis] for axis in term)
+            sums[name] = float(np.sum(np.broadcast_to(effect, mean.shape) ** 2)) / mean.size
+    sums["repeats"] = float(np.nanmean((data - mean[..., None]) ** 2))
+    total = sum(sums.values())
+    return {name: share / total if total > 0.0 else 0.0 for name, share in sums.items()}
+
+
+def standing(costs: Mapping[str, ArrayLike], setting: tuple[int, ...]) -> dict[str, int]:
+    """Where one setting stands among all: for each cost, how many settings are better, and how many in every cost.
+
+    ``costs`` are arrays (levels of each factor ...) of which less is better; ``setting`` is the index of the one.
+    """
+    better = {name: np.asarray(cost) < np.asarray(cost)[setting] for name, cost in costs.items()}
+    counted = {name: int(is_better.sum()) for name, is_better in better.items()}
+    return {**counted, "in all": int(np.logical_and.reduce(list(better.values())).sum())}
