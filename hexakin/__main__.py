@@ -23,7 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m hexakin", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     study = commands.add_parser("study", help="make a study, or go on with one", description=_STUDY)
-    study.add_argument("names", nargs="*", metavar="NAME", help="a study of paper A, or MODULE:STUDY; none lists them")
+    study.add_argument(
+        "names", nargs="*", metavar="NAME", help="a study of paper A, all, or MODULE:STUDY; none lists them"
+    )
     study.add_argument("--folder", default="results", help="where the results are kept (default: %(default)s)")
     study.add_argument("--jobs", type=int, help="processes (default: one for each core)")
     study.add_argument("--restart", action="store_true", help="set earlier results aside and begin anew")
@@ -42,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 _STUDY = """Make the runs of a study that are not in the folder yet, on all cores. It can be interrupted and called
-again at any time. NAME is one of paper A's studies, or MODULE:STUDY, a hexakin.study.Study (or a function that
-returns one) in a module that can be imported."""
+again at any time. NAME is one of paper A's studies, "all" for every one of them, or MODULE:STUDY, a
+hexakin.study.Study (or a function that returns one) in a module that can be imported."""
 
 
 def _study(options: argparse.Namespace) -> int:
@@ -53,10 +55,11 @@ def _study(options: argparse.Namespace) -> int:
         for name, make in studies.STUDIES.items():
             print(f"{name:16} {len(make()):5d} runs")
         return 0
-    for name in options.names:
+    names = [known for name in options.names for known in (studies.STUDIES if name == "all" else [name])]
+    for name in names:
         if name not in studies.STUDIES and ":" not in name:
-            raise UnknownNameError("study", name, [*studies.STUDIES, "MODULE:STUDY"])
-    for chosen in [studies.STUDIES[name]() if name in studies.STUDIES else _imported(name) for name in options.names]:
+            raise UnknownNameError("study", name, [*studies.STUDIES, "all", "MODULE:STUDY"])
+    for chosen in [studies.STUDIES[name]() if name in studies.STUDIES else _imported(name) for name in names]:
         table = study.run(
             chosen, options.folder, jobs=options.jobs, progress=not options.quiet, restart=options.restart
         )
