@@ -7,13 +7,13 @@ interacts with others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.exceptions import InvalidInputError, MissingPackageError, UnknownNameError
 from hexakin.experiments import walk
 from hexakin.studies import compared
 from hexakin.study import Study
@@ -86,12 +86,9 @@ def elementary_effects(
     Runs that failed take their trajectory with them. Raises InvalidInputError if fewer than two are left.
     """
     shares = points(trajectories, seed)
-    keyed = {_key(row): row for row in table[table["status"] == "ok"].to_dict("records")}
-    simple, chosen = compared(scenario)
+    simple, chosen = (_rows(table, gains, shares) for gains in compared(scenario))
     values = np.full(len(shares), np.nan)
-    for k, point in enumerate(shares):
-        choices = {name: at(share) for (name, at), share in zip(CHOICES.items(), point, strict=True)}
-        ends = [keyed.get(_key({**gains, **choices})) for gains in (simple, chosen)]
+    for k, ends in enumerate(zip(simple, chosen, strict=True)):
         if ends[0] is not None and ends[1] is not None:
             values[k] = outcome(ends[0], ends[1])
     whole = np.isfinite(values.reshape(trajectories, -1)).all(axis=1)
@@ -101,6 +98,34 @@ def elementary_effects(
     found = analyze.analyze(_PROBLEM, shares[used], values[used], num_levels=LEVELS, seed=seed)
     columns = {name: np.asarray(found[name]) for name in ("mu", "mu_star", "sigma", "mu_star_conf")}
     return pd.DataFrame(columns, index=pd.Index(list(CHOICES), name="choice"))
+
+
+def changes_of_one(
+    table: pd.DataFrame, scenario: str, choice: str, measures: Sequence[str], *, trajectories: int = 10, seed: int = 0
+) -> pd.DataFrame:
+    """Measures of simple control before and after the one step of each trajectory that changes ``choice`` alone.
+
+    One row per trajectory, with columns (measure, "low") and (measure, "high") at the lower and the higher share of
+    the choice's range; NaN where a run failed. Raises UnknownNameError for a choice that is not varied.
+    """
+    if choice not in CHOICES:
+        raise UnknownNameError("choice", choice, list(CHOICES))
+    column = list(CHOICES).index(choice)
+    shares = points(trajectories, seed).reshape(trajectories, len(CHOICES) + 1, len(CHOICES))
+    found = []
+    for trajectory in shares:
+        first = int(np.flatnonzero(np.diff(trajectory[:, column]))[0])
+        ends = sorted(trajectory[first : first + 2], key=lambda point: float(point[column]))
+        rows = _rows(table, compared(scenario)[0], ends)
+        found.append([np.nan if row is None else row[name] for name in measures for row in rows])
+    return pd.DataFrame(found, columns=pd.MultiIndex.from_product([measures, ["low", "high"]]))
+
+
+def _rows(table: pd.DataFrame, gains: Mapping[str, float], shares: Iterable[Array]) -> list[Mapping[str, Any] | None]:
+    """Rows of the runs with these gains at points of the sample; None where a run failed or is missing."""
+    keyed = {_key(row): row for row in table[table["status"] == "ok"].to_dict("records")}
+    chosen = [{name: at(share) for (name, at), share in zip(CHOICES.items(), point, strict=True)} for point in shares]
+    return [keyed.get(_key({**gains, **choices})) for choices in chosen]
 
 
 def _key(row: Mapping[str, Any]) -> tuple[Any, ...]:
