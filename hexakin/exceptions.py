@@ -117,5 +117,9 @@ class ContactError(HexakinError, ArithmeticError):
         )
 
 
+class SolverError(HexakinError, ArithmeticError):
+    """A solver gave up: neither a solution was found nor shown that there is none."""
+
+
 class StudyError(HexakinError, RuntimeError):
     """A study cannot start or go on: its files belong to something else, the disk is full, or a run is faulty."""

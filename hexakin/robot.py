@@ -143,10 +143,14 @@ class Leg:
 
 @dataclass(frozen=True)
 class Servo:
-    """A velocity servo: the joint is driven at ``rate`` * (command - angle) [1/s], at most ``max_torque`` [N m]."""
+    """A velocity servo: the joint is driven at ``rate`` * (command - angle) [1/s], at most ``max_torque`` [N m].
+
+    ``max_speed`` [rad/s] is what feasibility checks allow a joint, None if it is not known; the engines do not use it.
+    """
 
     max_torque: float
     rate: float
+    max_speed: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,7 +195,7 @@ def _build(file: RobotFields, sources: dict[str, str]) -> Robot:
         foot=foot,
         joint_limits=np.array(limits),
         standing_q=np.array(standing),
-        servo=Servo(file.servo.max_torque, file.servo.rate),
+        servo=Servo(file.servo.max_torque, file.servo.rate, file.servo.max_speed),
         sources=sources,
     )
 

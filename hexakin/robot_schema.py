@@ -94,6 +94,7 @@ class _LegFields(_Fields):
 class _ServoFields(_Fields):
     max_torque: _Positive
     rate: _Positive
+    max_speed: _Positive | None = None
 
 
 class _SegmentsFields(_Fields):

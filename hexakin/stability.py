@@ -155,6 +155,20 @@ def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -
     return StabilitySeries(distance, edge, np.isfinite(distance), touches)
 
 
+def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) -> Array:
+    """A(33) at many instants: signed distance (n,) [m] of points to the edge of the carrying feet's polygon.
+
+    ``point`` (n, 2) [m], ``p_foot`` (n, L, 2) [m] seen from above, ``carrying`` (n, L). NaN where fewer than three feet
+    carry, or feet in line, or the point is NaN.
+    """
+    feet = check_array("p_foot", p_foot, (2,), ("coordinate",))
+    where, carry = np.asarray(point, dtype=float), np.asarray(carrying, dtype=bool)
+    if feet.ndim != 3 or where.shape != (len(feet), 2) or carry.shape != feet.shape[:2]:
+        shapes = f"point {where.shape}, p_foot {feet.shape}, carrying {carry.shape}"
+        raise InvalidInputError(f"expected shapes (n, 2), (n, L, 2) and (n, L); got {shapes}")
+    return _centroid_distance_and_margin(where, feet, carry)[1]
+
+
 def _centroid_distance_and_margin(point: Array, feet: Array, carrying: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Distance (n,) from points (n, 2) to the centroid of the hull of the carrying (n, L) feet (n, L, 2), and A(33).
 

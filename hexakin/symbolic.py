@@ -7,15 +7,17 @@ is not there is derived when it is first used. This is the only module that impo
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import sympy as sp
 from sympy.printing.numpy import NumPyPrinter
 
 from hexakin.exceptions import NoClosedFormError
-from hexakin.robot import LegTable, pi_multiple
+from hexakin.robot import NUM_JOINTS, LegTable, pi_multiple
 from hexakin.robot_file import DATA, load_robot
 
 
@@ -105,6 +107,28 @@ class LegKinematics:
         """Derivative of the foot's position by the joint angles, 3 x 3."""
         return self.foot.jacobian(self.joints)
 
+    def carried(self, joint: int, point: Sequence[sp.Expr | float]) -> sp.Matrix:
+        """Position (3 x 1) in the body frame of a point that turns with joint ``joint`` (0 to 2).
+
+        ``point`` (3) is given in the joint's own frame, whose z is the joint's axis.
+        """
+        return (self._chain(self._motions_to(joint + 1)) * sp.Matrix([*point, 1]))[:3, 0]
+
+    @cached_property
+    def joint_positions(self) -> tuple[sp.Matrix, ...]:
+        """Position (3 x 1) of each joint in the body frame; the third is the knee."""
+        return tuple(self.carried(joint, (0, 0, 0)) for joint in range(NUM_JOINTS))
+
+    @cached_property
+    def joint_axes(self) -> sp.Matrix:
+        """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of the foot, 3 x 3."""
+        return sp.Matrix.hstack(*(self._chain(self._motions_to(k + 1))[:3, 2] for k in range(NUM_JOINTS)))
+
+    def _motions_to(self, count: int) -> tuple[tuple[str, str | int], ...]:
+        """The table's motions up to and with the joint of number ``count``."""
+        last = [entry for _, entry in self.table.motions].index(self.table.joints[count - 1])
+        return self.table.motions[: last + 1]
+
     @cached_property
     def inverse(self) -> InverseExpressions:
         """The closed-form inverse with its four branches (A(14)-(18), corrected).
@@ -159,6 +183,16 @@ class LegKinematics:
 def derive(table: LegTable) -> LegKinematics:
     """Return the symbolic kinematics of a leg table, in the table's own names."""
     return LegKinematics(table)
+
+
+def with_functions(
+    arguments: Sequence[sp.Symbol], expressions: Sequence[sp.Expr], functions: Mapping[str, Callable[..., Any]]
+) -> Callable[..., list[Any]]:
+    """Turn expressions into a function of ``arguments`` whose sin, cos and so on are those of another package.
+
+    With CasADi's functions, say, it takes and returns CasADi's symbols. Common subexpressions are computed once.
+    """
+    return sp.lambdify(arguments, list(expressions), modules=[dict(functions)], cse=True)
 
 
 def _rotation(word: list[tuple[str, sp.Expr]]) -> sp.Matrix:

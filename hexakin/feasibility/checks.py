@@ -1,0 +1,290 @@
+"""Whether a motion can be carried out: reach, limits, speed, clearance, balance, friction and torque (``check``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin.dynamics import GRAVITY
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed, static_problem
+from hexakin.feasibility.legs import leg_states
+from hexakin.feasibility.motion import Motion, motion_of
+from hexakin.kinematics import inverse_kinematics
+from hexakin.leg_curves import LegCurves
+from hexakin.recording import Recording
+from hexakin.robot import Robot, check_robot
+from hexakin.stability import polygon_margins
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_number, transform_points
+from hexakin.walker import WalkPlan
+
+_ROUNDING = 1e-9  # of margins: a pose on its limit keeps it
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """One constraint over a motion.
+
+    ``margins`` (n, L), or (n,) for those of the whole robot, in ``unit``; negative where violated, NaN where it does
+    not apply. ``worst`` is the smallest, at ``time`` [s] and ``leg`` (1-based; None for the whole robot).
+    ``satisfied`` is None if it was not checked, and ``mend`` then says why; else ``mend`` says what would mend it.
+    """
+
+    name: str
+    unit: str
+    margins: Array
+    worst: float
+    time: float
+    leg: int | None
+    satisfied: bool | None
+    mend: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FeasibilityReport:
+    """Answer of ``check``: the constraints by name and the forces that hold the motion.
+
+    ``forces`` (``ForceDistribution``) has NaN where the legs do not reach, and its outcome is "" there.
+    """
+
+    constraints: Mapping[str, Constraint]
+    forces: ForceDistribution
+    motion: Motion
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every constraint that was checked is kept at every instant."""
+        return all(constraint.satisfied is not False for constraint in self.constraints.values())
+
+    @property
+    def binding(self) -> tuple[str, ...]:
+        """Names of the constraints that are violated."""
+        return tuple(name for name, constraint in self.constraints.items() if constraint.satisfied is False)
+
+    def __str__(self) -> str:
+        lines = ["feasible" if self.feasible else f"not feasible: {', '.join(self.binding)}"]
+        for c in self.constraints.values():
+            if c.satisfied is None:
+                lines.append(f"  {c.name:16} not checked: {c.mend}")
+                continue
+            where = "" if c.leg is None else f", leg {c.leg}"
+            mark = "ok " if c.satisfied else "NO "
+            said = f"; {c.mend}" if c.mend else ""
+            lines.append(f"  {c.name:16} {mark} worst margin {c.worst:+.4g} {c.unit} at {c.time:.4g} s{where}{said}")
+        return "\n".join(lines)
+
+
+def check(
+    robot: Robot,
+    motion: Motion | WalkPlan | Recording,
+    terrain: Terrain | LegCurves,
+    *,
+    friction: float = 0.9,
+    facets: int = 16,
+    clearance: float = 0.0,
+) -> FeasibilityReport:
+    """Check at every instant of a motion whether the legs can do it and the ground can hold it.
+
+    The robot is taken to be at rest at every instant (no inertia forces). Forces are those of the least joint torque
+    with friction cones as pyramids of ``facets`` sides (``distribute``).
+
+    Parameters
+    ----------
+    motion:
+        A plan (``plan_walk``), a controller's commands (``commanded_walk``), a recording or any ``Motion``.
+    terrain:
+        That of the motion. Paper B's curves have no height away from the feet: knees and torso are not checked there.
+    friction:
+        Coefficient of friction between feet and ground.
+    clearance:
+        Room [m] to keep between the ground and the knees, the torso and the feet in the air.
+
+    Raises InvalidInputError or UnknownNameError for what cannot be used, SolverError if a solver gave up.
+    """
+    check_robot(robot)
+    check_number("clearance", clearance, at_least=0.0, unit="m")
+    if isinstance(terrain, type) or not isinstance(terrain, (Terrain, LegCurves)):
+        raise UnknownNameError("terrain", terrain, ["what the hexakin.terrain classes make"])
+    given = motion_of(motion)
+    if given.q.shape[1:] != (robot.num_legs, 3):
+        raise InvalidInputError(f"motion: for {given.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
+    reached: NDArray[np.bool_] = np.asarray(np.isfinite(given.q).all(axis=-1))
+    q = np.where(reached[..., None], given.q, robot.standing_q)
+    states = leg_states(robot, q)
+    found = [_reach(robot, given, reached), _limits(robot, given, reached), _speed(robot, given)]
+    found += _clearances(robot, given, terrain, states.knee, reached, clearance)
+    whole: NDArray[np.bool_] = np.asarray(reached.all(axis=1))
+    forces = _forces(robot, given, q, whole, terrain, friction, facets)
+    found += _statics(robot, given, forces, terrain, friction, facets)
+    return FeasibilityReport({constraint.name: constraint for constraint in found}, forces, given)
+
+
+def _constraint(
+    name: str, unit: str, margins: Array, motion: Motion, mend: str, violated: NDArray[np.bool_] | None = None
+) -> Constraint:
+    """Find the worst margin; ``mend`` is a text with {short}, the worst violation as a positive number."""
+    if not np.isfinite(margins).any():
+        return Constraint(name, unit, margins, float("nan"), float("nan"), None, None, "it applies at no instant")
+    bad = margins < -_ROUNDING if violated is None else violated
+    ranked = np.where(bad, margins, np.inf) if bad.any() else margins
+    place = np.unravel_index(int(np.nanargmin(ranked)), margins.shape)
+    worst = float(margins[place]) if abs(margins[place]) > _ROUNDING else 0.0
+    leg = int(place[1]) + 1 if margins.ndim == 2 else None
+    said = mend.format(short=f"{max(-worst, 0.0):.3g}", leg=leg) if bad.any() else ""
+    return Constraint(name, unit, margins, worst, float(motion.time[place[0]]), leg, not bad.any(), said)
+
+
+def _reach(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constraint:
+    solution = inverse_kinematics(robot, motion.p_body_foot)
+    margin = np.minimum(solution.distance - solution.reach[..., 0], solution.reach[..., 1] - solution.distance)
+    lost = ~solution.reachable | ~reached
+    margin = np.where(lost, np.minimum(margin, 0.0), np.maximum(margin, 0.0))
+    return _constraint("reach", "m", margin, motion, "bring the target of leg {leg} {short} m nearer", lost)
+
+
+def _limits(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constraint:
+    with np.errstate(invalid="ignore"):
+        margin = np.minimum(motion.q - robot.q_min, robot.q_max - motion.q).min(axis=-1)
+    bad = (margin < -_ROUNDING) | (motion.clipped & reached)
+    mend = "leg {leg} needs {short} rad more, a shorter stride or another height"
+    if (motion.clipped & ~(margin < -_ROUNDING)).any():
+        mend += " (targets were clipped to the limits)"
+    return _constraint(
+        "joint limits", "rad", np.where(motion.clipped, np.minimum(margin, 0.0), margin), motion, mend, bad
+    )
+
+
+def _speed(robot: Robot, motion: Motion) -> Constraint:
+    limit, margins = robot.servo.max_speed, np.full(motion.q.shape[:2], np.nan)
+    if limit is None:
+        said = "the robot's file gives no servo.max_speed"
+        return Constraint("joint speed", "rad/s", margins, float("nan"), float("nan"), None, None, said)
+    speed = np.abs(np.diff(motion.q, axis=0)).max(axis=-1) / np.diff(motion.time)[:, None]
+    margins[1:] = limit - speed
+    fastest = float(np.nanmax(speed)) if np.isfinite(speed).any() else limit
+    return _constraint("joint speed", "rad/s", margins, motion, f"walk {fastest / limit:.2f} times slower")
+
+
+def _gap(terrain: Terrain, points: Array) -> Array:
+    """Distance [m] from points (..., 3) to the ground, along its normal below them."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    return (z - terrain.height(x, y)) * terrain.normal(x, y)[..., 2]
+
+
+def _clearances(
+    robot: Robot,
+    motion: Motion,
+    terrain: Terrain | LegCurves,
+    knee: Array,
+    reached: NDArray[np.bool_],
+    clearance: float,
+) -> list[Constraint]:
+    feet = transform_points(motion.T_world_body, motion.p_body_foot)
+    if isinstance(terrain, LegCurves):
+        if motion.ground_height is None:
+            raise InvalidInputError(
+                "terrain: paper B's curves belong to plans; this motion has no heights of the ground"
+            )
+        gap = feet[..., 2] - motion.ground_height
+    else:
+        gap = _gap(terrain, feet)
+    room = np.where(motion.carrying, np.nan, gap - robot.foot_radius - clearance)
+    mend = "raise the swing of leg {leg} by {short} m"
+    found = [_constraint("foot clearance", "m", room, motion, mend, room < -motion.touch)]
+    if isinstance(terrain, LegCurves):
+        said, none = "paper B's curves have no ground away from the feet", np.full(room.shape, np.nan)
+        return found + [
+            Constraint(name, "m", none, float("nan"), float("nan"), None, None, said)
+            for name in ("knee clearance", "torso clearance")
+        ]
+    thickness = 0.5 * float(max(robot.segments[name].size[1:].max() for name in ("femur", "tibia")))
+    knees = _gap(terrain, transform_points(motion.T_world_body, knee)) - thickness - clearance
+    knees = np.where(reached, knees, np.nan)
+    found.append(
+        _constraint("knee clearance", "m", knees, motion, "raise the body or the knee of leg {leg} by {short} m")
+    )
+    share = np.linspace(-0.5, 0.5, 5)
+    below = np.stack([*(a.ravel() for a in np.meshgrid(share, share)), np.full(25, -0.5)], axis=-1) * robot.torso.size
+    torso = _gap(terrain, transform_points(motion.T_world_body, below)).min(axis=1) - clearance
+    found.append(_constraint("torso clearance", "m", torso, motion, "raise the body by {short} m"))
+    return found
+
+
+def _normals(motion: Motion, terrain: Terrain | LegCurves) -> Array:
+    if isinstance(terrain, LegCurves):
+        return np.broadcast_to([0.0, 0.0, 1.0], motion.p_body_foot.shape)
+    feet = transform_points(motion.T_world_body, motion.p_body_foot)
+    return terrain.normal(feet[..., 0], feet[..., 1])
+
+
+def _forces(
+    robot: Robot, motion: Motion, q: Array, whole: NDArray[np.bool_], terrain: Terrain | LegCurves,
+    friction: float, facets: int,
+) -> ForceDistribution:  # fmt: skip
+    """Forces at the instants at which all legs reach; elsewhere NaN and the outcome ""."""
+    part = distribute(
+        robot, motion.T_world_body[whole], q[whole], motion.carrying[whole], _normals(motion, terrain)[whole],
+        friction=friction, facets=facets,
+    )  # fmt: skip
+
+    def spread(values: Any, blank: float | str) -> Any:
+        full = np.full((len(whole), *values.shape[1:]), blank, dtype=values.dtype)
+        full[whole] = values
+        return full
+
+    nan = float("nan")
+    return ForceDistribution(
+        spread(part.outcome, ""), spread(part.force, nan), spread(part.torque, nan), spread(part.cost, nan),
+        spread(part.torque_needed, nan), spread(part.center_of_mass, nan),
+    )  # fmt: skip
+
+
+def _statics(
+    robot: Robot, motion: Motion, forces: ForceDistribution, terrain: Terrain | LegCurves, friction: float, facets: int
+) -> list[Constraint]:
+    normals = _normals(motion, terrain)
+    contacts = transform_points(motion.T_world_body, motion.p_body_foot) - robot.foot_radius * normals
+    above = polygon_margins(forces.center_of_mass[:, :2], contacts[..., :2], motion.carrying)
+    tips = forces.outcome == "support"
+    # A robot that tips has no margin above zero, whatever the feet seen from above say, nor need it have one.
+    above = np.where(tips, np.minimum(np.nan_to_num(above, nan=-np.inf), 0.0), above)
+    balance = _constraint(
+        "balance",
+        "m",
+        np.where(np.isinf(above), -robot.foot_radius, above),
+        motion,
+        "move the body {short} m over its feet, or let more feet carry",
+        tips,
+    )
+
+    normal_force = np.einsum("nli,nli->nl", forces.force, normals)
+    tangential = np.linalg.norm(forces.force - normal_force[..., None] * normals, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(normal_force > 1e-6 * robot.mass * GRAVITY, friction - tangential / normal_force, np.nan)
+    slides = forces.outcome == "friction"
+    mend, legs = "", np.broadcast_to(slides[:, None], room.shape)
+    if slides.any():
+        needed = np.full(len(slides), np.nan)
+        states = leg_states(robot, np.nan_to_num(motion.q))
+        problem = static_problem(
+            robot, motion.T_world_body, states, motion.carrying, normals, friction=friction, facets=facets,
+            torque_unit=robot.servo.max_torque,
+        )  # fmt: skip
+        needed[slides] = friction_needed(problem.at(np.flatnonzero(slides)))
+        room = np.where(legs, (friction - needed)[:, None], room)
+        mend = f"the ground needs a friction of {np.nanmax(needed):.3g}, or less slope under the feet"
+    slip = _constraint("friction", "", room, motion, mend, legs)
+
+    weak = forces.outcome == "torque"
+    torque = robot.servo.max_torque - np.abs(forces.torque).max(axis=-1)
+    torque = np.where(weak[:, None], (robot.servo.max_torque - forces.torque_needed)[:, None], torque)
+    needed_most = np.nanmax(forces.torque_needed) if weak.any() else 0.0
+    lighter = robot.servo.max_torque / max(needed_most, 1e-9)
+    said = f"servos of {needed_most:.3g} N m, {lighter:.2f} times the weight, or more feet on the ground"
+    strength = _constraint("torque", "N m", torque, motion, said, np.broadcast_to(weak[:, None], torque.shape))
+    return [balance, slip, strength]

@@ -1,0 +1,109 @@
+"""A leg's kinematics and statics as CasADi functions, made from the sympy expressions of its Denavit-Hartenberg table.
+
+This package is the only one that imports casadi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin.exceptions import MissingPackageError
+from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, LegTable, Robot
+from hexakin.symbolic import derive, with_functions
+from hexakin.transforms import Array, read_only
+
+try:
+    import casadi as ca
+except ImportError as error:
+    raise MissingPackageError("casadi", "a feasibility check", "pip install casadi") from error
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sin": ca.sin,
+    "cos": ca.cos,
+    "sqrt": ca.sqrt,
+    "Abs": ca.fabs,
+    "sign": ca.sign,
+    "atan2": ca.atan2,
+}
+_SHAPES = {"foot": (3,), "jacobian": (3, 3), "axes": (3, 3), "knee": (3,), "moment": (3,), "moment_slope": (3, 3)}
+
+
+class LegStates(NamedTuple):
+    """Places and slopes of every leg in the body frame, for angles q (..., L, 3).
+
+    ``foot`` and ``knee`` (..., L, 3) [m]; ``jacobian`` (..., L, 3, 3) [m/rad] of the foot; ``axes`` (..., L, 3, 3), the
+    unit vectors along the joints as columns; ``moment`` (..., L, 3) [kg m], the leg's mass times its centre's place;
+    ``moment_slope`` (..., L, 3, 3) [kg m/rad], its derivative by the angles.
+    """
+
+    foot: Array
+    jacobian: Array
+    axes: Array
+    knee: Array
+    moment: Array
+    moment_slope: Array
+
+
+@lru_cache(maxsize=16)
+def leg_function(table: LegTable) -> ca.Function:
+    """CasADi function of a leg type: (q (3), constants) -> the fields of ``LegStates``, matrices column by column.
+
+    ``constants`` are those of ``leg_constants``.
+    """
+    leg = derive(table.canonical())
+    joints, parameters = ca.SX.sym("q", NUM_JOINTS), ca.SX.sym("p", len(leg.parameters))
+    mass, center = ca.SX.sym("m", NUM_JOINTS), ca.SX.sym("c", 3, NUM_JOINTS)
+    points = [[leg.symbol(f"c_{k}_{axis}") for axis in "xyz"] for k in range(NUM_JOINTS)]
+    carried = [leg.carried(k, points[k]) for k in range(NUM_JOINTS)]
+    names = [*leg.joints, *leg.parameters, *(symbol for point in points for symbol in point)]
+    vectors = [leg.foot, leg.jacobian, leg.joint_axes, leg.joint_positions[-1], *carried]
+    found = with_functions(names, [entry for v in vectors for entry in v.T], _FUNCTIONS)(
+        *ca.vertsplit(joints), *ca.vertsplit(parameters), *ca.vertsplit(ca.vec(center))
+    )
+    foot, jacobian, axes, knee, centers = (
+        ca.vertcat(*found[a:b]) for a, b in ((0, 3), (3, 12), (12, 21), (21, 24), (24, None))
+    )
+    moment = ca.reshape(centers, 3, NUM_JOINTS) @ mass
+    outputs = [foot, jacobian, axes, knee, moment, ca.vec(ca.jacobian(moment, joints))]
+    constants = ca.vertcat(parameters, mass, ca.vec(center))
+    return ca.Function("leg", [joints, constants], outputs, ["q", "constants"], list(_SHAPES))
+
+
+@lru_cache(maxsize=64)
+def leg_constants(robot: Robot) -> Array:
+    """Constants (L, n) of each leg: the table's parameters, masses and centres.
+
+    Masses [kg] are of what each joint carries up to the next one, centres of mass [m] in the joints' frames.
+    """
+    masses = [robot.segments[name].mass for name in SEGMENT_NAMES]
+    total = np.array([*masses[:-1], masses[-1] + robot.foot.mass])
+    rows = []
+    for leg in range(robot.num_legs):
+        places = robot.segment_poses(leg)
+        moments = [
+            m * (T[:3, :3] @ robot.segments[name].center_of_mass)
+            for m, T, name in zip(masses, places, SEGMENT_NAMES, strict=True)
+        ]
+        behind = robot.fixed_poses(leg)[-1]
+        moments[-1] = moments[-1] + robot.foot.mass * (behind[:3, :3] @ robot.foot.center_of_mass + behind[:3, 3])
+        centers = np.array(moments) / total[:, None]
+        rows.append(np.concatenate([robot.parameters[leg], total, centers.ravel()]))
+    return read_only(rows)
+
+
+def leg_states(robot: Robot, q: NDArray[np.float64]) -> LegStates:
+    """Evaluate ``leg_function`` for all legs: ``q`` (..., L, 3) [rad]."""
+    flat = q.reshape(-1, NUM_JOINTS)
+    constants = np.broadcast_to(leg_constants(robot), (*q.shape[:-1], leg_constants(robot).shape[1]))
+    function = leg_function(robot.table.canonical()).map(len(flat))
+    outputs = function(flat.T, constants.reshape(len(flat), -1).T)
+    fields = []
+    for value, shape in zip(outputs, _SHAPES.values(), strict=True):
+        stacked = np.asarray(value).T.reshape(*q.shape[:-1], *shape)
+        fields.append(stacked.swapaxes(-1, -2) if len(shape) == 2 else stacked)  # CasADi counts by columns
+    return LegStates(*fields)

@@ -1,0 +1,110 @@
+"""What is checked: a motion of body and legs over time, planned by a walker, commanded by a controller or recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hexakin.control import Controller, Observation
+from hexakin.dynamics import GRAVITY
+from hexakin.exceptions import InvalidInputError
+from hexakin.kinematics import forward_kinematics
+from hexakin.recording import Recording
+from hexakin.simulation import starting_pose, torso_height
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_number, check_whole, inverse_pose, pose, transform_points
+from hexakin.walker import WalkPlan
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Body and legs at n instants.
+
+    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_body_foot`` (n, L, 3) [m], where the feet's centres should be;
+    ``q`` (n, L, 3) [rad], NaN where no angles lead there; ``carrying`` (n, L), the feet that the ground carries;
+    ``clipped`` (n, L), targets that were out of reach or limits and were left; ``ground_height`` (n, L) [m] below each
+    foot, or None if the terrain says it; ``touch`` [m], how deep a foot in the air may be in the ground.
+    """
+
+    time: Array
+    T_world_body: Array
+    p_body_foot: Array
+    q: Array
+    carrying: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
+    ground_height: Array | None = None
+    touch: float = 1e-6
+
+
+def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
+    """Return what is checked of a plan, or of a recording: there, what the robot did, on the feet that were loaded."""
+    if isinstance(motion, Motion):
+        return motion
+    if isinstance(motion, WalkPlan):
+        return Motion(
+            motion.time,
+            motion.T_world_body,
+            transform_points(inverse_pose(motion.T_world_body), motion.p_world_foot),
+            motion.q,
+            motion.stance,
+            np.zeros_like(motion.stance),
+            motion.ground_height,
+        )
+    if isinstance(motion, Recording):
+        loaded = motion.foot_force > 0.0  # mean over a tick: a foot that has just lost the ground may still touch it
+        return Motion(
+            motion.time, motion.T_world_body, motion.p_body_foot, motion.q, loaded, motion.limited, touch=2e-3
+        )
+    raise InvalidInputError(f"motion: expected a Motion, WalkPlan or Recording, got {motion!r:.80}")
+
+
+def commanded_walk(
+    controller: Controller, terrain: Terrain, *, num_cycles: int = 4, control_rate: float = 20.0
+) -> Motion:
+    """Walk as a controller commands it, carried out by ideal servos: feet in stance stay where they are.
+
+    The body starts in the standing pose over the origin and follows the feet that carry it. The controller is told that
+    these and all feet within 2 mm of the ground are loaded. On ground that is not plane, feet end their swing above it
+    or in it, and so the motion is that of the commands alone; simulate it to see what comes of them.
+    """
+    check_whole("num_cycles", num_cycles, at_least=1)
+    check_number("control_rate", control_rate, above=0.0)
+    robot, near = controller.robot, 2e-3
+    q = np.array(robot.standing_q)
+    run, samples, tick = None, [], 0
+    T, feet = starting_pose(robot, terrain, q), forward_kinematics(robot, q)
+    world = transform_points(T, feet)
+    normal = terrain.normal(world[:, 0], world[:, 1])
+    gap = (world[:, 2] - terrain.height(world[:, 0], world[:, 1])) * normal[:, 2] - robot.foot_radius
+    T[:3, 3] -= gap.min() * T[:3, 2]
+    world -= gap.min() * T[:3, 2]
+    loaded = np.ones(robot.num_legs, dtype=bool)
+    while True:
+        weight = np.where(loaded, robot.mass * GRAVITY / max(loaded.sum(), 1), 0.0)
+        observation = Observation(tick / control_rate, q, weight, torso_height(terrain, T))
+        run = run or controller.start(observation, control_rate)
+        command = run.command(observation)
+        if command.phase >= num_cycles * controller.phases_per_cycle:
+            break
+        tick += 1
+        q, stance = command.q, command.stance
+        feet = forward_kinematics(robot, q)
+        T = _follow(feet[stance], world[stance], T)
+        world = np.where(stance[:, None], world, transform_points(T, feet))
+        gap = world[:, 2] - terrain.height(world[:, 0], world[:, 1]) - robot.foot_radius
+        loaded = stance | (gap < near)
+        samples.append((tick / control_rate, T, feet, q, stance, command.limited))
+    time, poses, p_body_foot, angles, carrying, clipped = (np.array(values) for values in zip(*samples, strict=True))
+    return Motion(time, poses, p_body_foot, angles, carrying, clipped, touch=near)
+
+
+def _follow(body: Array, world: Array, T_before: Array) -> Array:
+    """Pose (4, 4) that brings feet (k, 3) in the body frame closest to their places in the world; before, if k < 3."""
+    if len(body) < 3:
+        return T_before
+    center, target = body.mean(axis=0), world.mean(axis=0)
+    rotation = Rotation.align_vectors(world - target, body - center)[0].as_matrix()
+    return pose(rotation, target - rotation @ center)
