@@ -28,8 +28,9 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "contact", "dynamics", "engines", "exceptions", "experiments", "figures", "gait", "kinematics", "measures",
-    "paper", "posture", "stability", "studies", "study", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
+    "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait", "kinematics", "measures",
+    "paper", "posture", "stability", "stance", "studies", "study", "support_region", "swing", "symbolic", "terrain",
+    "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
         engines,
         exceptions,
         experiments,
+        feasibility,
         figures,
         gait,
         kinematics,
@@ -46,8 +48,10 @@ if TYPE_CHECKING:
         paper,
         posture,
         stability,
+        stance,
         studies,
         study,
+        support_region,
         swing,
         symbolic,
         terrain,

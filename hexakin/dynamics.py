@@ -96,6 +96,12 @@ def gravity(robot: Robot, configuration: ArrayLike) -> Array:
     return pin.computeGeneralizedGravity(model, data, q).copy()
 
 
+def center_of_mass(robot: Robot, configuration: ArrayLike) -> Array:
+    """Centre of mass (3,) [m] of the whole robot, in the world."""
+    model, data, q = _prepared(robot, configuration)
+    return pin.centerOfMass(model, data, q).copy()
+
+
 def inverse_dynamics(robot: Robot, configuration: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
     """Generalised force M a + C + g (6 + 3 L,) that gives ``acceleration`` (6 + 3 L,)."""
     model, data, q = _prepared(robot, configuration)

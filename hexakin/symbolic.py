@@ -15,6 +15,7 @@ from typing import Any
 
 import sympy as sp
 from sympy.printing.numpy import NumPyPrinter
+from sympy.printing.pycode import PythonCodePrinter
 
 from hexakin.exceptions import NoClosedFormError
 from hexakin.robot import NUM_JOINTS, LegTable, pi_multiple
@@ -121,7 +122,7 @@ class LegKinematics:
 
     @cached_property
     def joint_axes(self) -> sp.Matrix:
-        """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of the foot, 3 x 3."""
+        """Unit vectors along the joints' axes in the body frame, as columns, 3 x 3: the foot's angular Jacobian."""
         return sp.Matrix.hstack(*(self._chain(self._motions_to(k + 1))[:3, 2] for k in range(NUM_JOINTS)))
 
     def _motions_to(self, count: int) -> tuple[tuple[str, str | int], ...]:
@@ -192,7 +193,22 @@ def with_functions(
 
     With CasADi's functions, say, it takes and returns CasADi's symbols. Common subexpressions are computed once.
     """
-    return sp.lambdify(arguments, list(expressions), modules=[dict(functions)], cse=True)
+    return sp.lambdify(
+        arguments,
+        list(expressions),
+        modules=[dict(functions)],
+        printer=_CallPrinter({"fully_qualified_modules": False}),
+        cse=True,
+    )
+
+
+class _CallPrinter(PythonCodePrinter):
+    """Every function as a call by its own name; sympy spells some of them out, with comparisons."""
+
+    def _call(self, expression: sp.Expr) -> str:
+        return f"{expression.func.__name__}({', '.join(self._print(argument) for argument in expression.args)})"
+
+    _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
 
 
 def _rotation(word: list[tuple[str, sp.Expr]]) -> sp.Matrix:

@@ -1,7 +1,11 @@
-"""What a robot can do, before it tries: checks of a motion, forces that hold it, and small design problems (CasADi)."""
+"""What a robot can do, before it tries: checks of a motion, forces that hold it, and small design questions (CasADi)."""
 
 from hexakin.feasibility.checks import Constraint, FeasibilityReport, check
+from hexakin.feasibility.design import Design, best_posture, highest_step, longest_stride, steepest_slope
 from hexakin.feasibility.forces import ForceDistribution, distribute
 from hexakin.feasibility.motion import Motion, commanded_walk
 
-__all__ = ["Constraint", "FeasibilityReport", "ForceDistribution", "Motion", "check", "commanded_walk", "distribute"]
+__all__ = [
+    "Constraint", "Design", "FeasibilityReport", "ForceDistribution", "Motion", "best_posture", "check",
+    "commanded_walk", "distribute", "highest_step", "longest_stride", "steepest_slope",
+]  # fmt: skip

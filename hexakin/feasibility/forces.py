@@ -174,7 +174,7 @@ def friction_needed(problem: StaticProblem, *, most: float = 10.0, tolerance: fl
     n, facets = problem.cone.shape[:2]
 
     def holds(friction: Array) -> NDArray[np.bool_]:
-        tried = dataclasses.replace(problem, cone=_pyramids(friction, facets))
+        tried = dataclasses.replace(problem, cone=pyramids(friction, facets))
         return _satisfied(tried, _solved(tried, bounded=False)[0], bounded=False)
 
     possible = holds(np.full(n, most))
@@ -228,7 +228,7 @@ def static_problem(
     return StaticProblem(
         equilibrium.reshape(n, 6, -1),
         np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]),
-        _pyramids(np.full(n, friction), facets),
+        pyramids(np.full(n, friction), facets),
         torque_map,
         torque_free,
         carrying,
@@ -253,7 +253,7 @@ def _contact_frames(normal: Array) -> Array:
     return np.stack([uphill, np.cross(normal, uphill), normal], axis=-1)
 
 
-def _pyramids(friction: Array, facets: int) -> Array:
+def pyramids(friction: Array, facets: int) -> Array:
     """Rows (n, facets, 3) of inscribed pyramids: row @ (uphill, across, normal force) <= 0; an edge points uphill."""
     angle = (2.0 * np.arange(facets) + 1.0) * np.pi / facets
     height = np.broadcast_to(friction[:, None] * np.cos(np.pi / facets), (len(friction), facets))

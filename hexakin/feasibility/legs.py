@@ -29,6 +29,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "Abs": ca.fabs,
     "sign": ca.sign,
     "atan2": ca.atan2,
+    "Max": ca.fmax,
 }
 _SHAPES = {"foot": (3,), "jacobian": (3, 3), "axes": (3, 3), "knee": (3,), "moment": (3,), "moment_slope": (3, 3)}
 
@@ -72,6 +73,22 @@ def leg_function(table: LegTable) -> ca.Function:
     outputs = [foot, jacobian, axes, knee, moment, ca.vec(ca.jacobian(moment, joints))]
     constants = ca.vertcat(parameters, mass, ca.vec(center))
     return ca.Function("leg", [joints, constants], outputs, ["q", "constants"], list(_SHAPES))
+
+
+@lru_cache(maxsize=16)
+def reach_function(table: LegTable) -> ca.Function:
+    """CasADi function of a leg type: (foot (3), parameters, side) -> room (2) to the outer and the inner reach.
+
+    In squares of the outer reach; negative where the foot is out of reach. ``side`` is that of the inverse's branch.
+    Raises NoClosedFormError for a leg without a closed-form inverse.
+    """
+    leg = derive(table.canonical())
+    inverse = leg.inverse
+    foot, parameters, side = ca.SX.sym("foot", 3), ca.SX.sym("p", len(leg.parameters)), ca.SX.sym("side")
+    names = [inverse.x, inverse.y, inverse.z, *leg.parameters, inverse.side]
+    room = [bound / inverse.reach[1] ** 2 for bound in (inverse.outer, inverse.inner)]
+    found = with_functions(names, room, _FUNCTIONS)(*ca.vertsplit(foot), *ca.vertsplit(parameters), side)
+    return ca.Function("reach", [foot, parameters, side], [ca.vertcat(*found)])
 
 
 @lru_cache(maxsize=64)

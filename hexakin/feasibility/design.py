@@ -1,0 +1,312 @@
+"""Design questions as small nonlinear programmes: how far, how high, how steep, and in which posture.
+
+Every question is put over a few instants of a walk on a plane that rises along the robot's forward axis. At each of
+them angles, body pose and contact forces are variables, bound by the leg functions, the joint limits, equilibrium, the
+friction cones (pyramids of 16 sides, an edge uphill) and the torque limit. IPOPT finds an optimum that is local;
+wherever it was compared with sampling (notebook ``c1_feasibility``), it was the global one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.dynamics import GRAVITY
+from hexakin.exceptions import SolverError, UnknownNameError
+from hexakin.feasibility.forces import pyramids
+from hexakin.feasibility.legs import leg_constants, leg_function, reach_function
+from hexakin.gait import tripod
+from hexakin.kinematics import BRANCH_SIGNS, forward_kinematics, standing_branch, standing_height
+from hexakin.robot import Robot, check_robot
+from hexakin.transforms import Array, check_number
+
+STROKES = ("full_stride", "half_stride")
+_SLACK = 1e-6
+_ACTIVE = 1e-3  # of the largest multiplier: constraints that press less than this do not end anything
+_FACETS = 16
+_UNLOADED = 1e-4  # of the weight
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a phase: the instants that are looked at
+
+
+@dataclass(frozen=True)
+class Design:
+    """Answer of a design question.
+
+    ``value`` is the optimum in the question's unit, NaN if nothing is possible; ``active`` the constraints that end it,
+    such as ``"torque, leg 3"``; ``variables`` the other quantities that were free, by name; ``feasible`` says whether
+    anything was possible. The solver's claim that nothing is, is a local one.
+    """
+
+    value: float
+    active: tuple[str, ...]
+    variables: Mapping[str, float]
+    feasible: bool
+
+
+def longest_stride(
+    robot: Robot,
+    body_height: float | None = None,
+    slope: float = 0.0,
+    *,
+    apex: float = 0.03,
+    friction: float = 0.9,
+    first_phase: Literal["full_stride", "half_stride"] = "full_stride",
+) -> Design:
+    """Longest stride [m] of the tripod gait A(19)-(23) that reach, limits, friction and torque allow.
+
+    ``body_height`` [m] of the body's origin over the plane, None for the standing pose's; ``slope`` [rad], the body
+    parallel to it; ``apex`` [m] of the swing; ``first_phase`` as in ``PostureController``: strokes from the standing
+    footholds, or centred on them.
+    """
+    question = _Question(robot, slope, friction, body_height)
+    stride = question.free("stride", 0.02, 0.0, 1.0)
+    question.walk(stride, apex, first_phase)
+    return question.maximise(stride)
+
+
+def highest_step(
+    robot: Robot,
+    body_height: float | None = None,
+    slope: float = 0.0,
+    *,
+    stride: float = 0.05,
+    friction: float = 0.9,
+    first_phase: Literal["full_stride", "half_stride"] = "full_stride",
+) -> Design:
+    """Highest step [m] that each leg, one at a time, can put its foot on at the end of a swing.
+
+    The other tripod stands below, the body keeps its height. Arguments as for ``longest_stride``. Only the foothold is
+    asked for, not a path to it.
+    """
+    question = _Question(robot, slope, friction, body_height)
+    check_number("stride", stride, at_least=0.0, unit="m")
+    height = question.free("height", 0.01, -0.5, 0.5)
+    for swinging, start, end in _phases(robot, stride, first_phase):
+        for leg in sorted(swinging):
+            question.instant(end, set(start) - swinging, lift={leg: height})
+    return question.maximise(height)
+
+
+def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> Design:
+    """Posture on a slope [rad] with the largest torque margin [N m], the six feet on their standing footholds.
+
+    Free are the body's ``height`` [m] over the plane, its ``pitch`` [rad] against it (positive: the front up) and its
+    ``shift`` [m] uphill, as far as limits and the torso's room over the ground allow.
+    """
+    question = _Question(robot, slope, friction, None)
+    margin = question.free("margin", 0.0, -50.0, robot.servo.max_torque)
+    question.height = question.free("height", question.height, 0.0, 1.0)
+    question.pitch = question.free("pitch", 0.0, -1.0, 1.0)
+    question.shift = question.free("shift", 0.0, -0.2, 0.2)
+    question.margin = margin
+    question.instant(dict.fromkeys(range(robot.num_legs), 0.0), set(range(robot.num_legs)), torso=True)
+    return question.maximise(margin)
+
+
+def steepest_slope(
+    robot: Robot,
+    body_height: float | None = None,
+    *,
+    walking: bool = False,
+    stride: float = 0.05,
+    apex: float = 0.03,
+    friction: float = 0.9,
+    max_torque: float | None = None,
+    first_phase: Literal["full_stride", "half_stride"] = "full_stride",
+) -> Design:
+    """Steepest slope [rad] on which the robot can stand on all feet, or walk up with the tripod gait.
+
+    The body is parallel to the slope. ``max_torque`` [N m] replaces the servo's. Arguments else as for
+    ``longest_stride``; the slope is searched up to 80 degrees.
+    """
+    question = _Question(robot, 0.0, friction, body_height, max_torque)
+    question.slope = question.free("slope", 0.1, 0.0, np.radians(80.0))
+    if walking:
+        question.walk(stride, apex, first_phase)
+    else:
+        question.instant(dict.fromkeys(range(robot.num_legs), 0.0), set(range(robot.num_legs)))
+    return question.maximise(question.slope)
+
+
+def _phases(robot: Robot, stride: Any, first_phase: str) -> list[tuple[set[int], dict[int, Any], dict[int, Any]]]:
+    """Phases of a cycle: the legs that swing, and how far each leg is ahead of its standing foothold before and after.
+
+    Distances count along the body, which stays where it is.
+    """
+    if first_phase not in STROKES:
+        raise UnknownNameError("first_phase", first_phase, list(STROKES))
+    first, second = (set(group) for group in tripod(robot).groups)
+    full = first_phase == "full_stride"
+    middle = {leg: (0.5 if leg in first else -0.5) if full else 0.0 for leg in first | second}
+    front = {leg: (middle[leg] + 0.5) * stride for leg in middle}
+    back = {leg: (middle[leg] - 0.5) * stride for leg in middle}
+    phases = []
+    for swinging in (first, second):
+        start = {leg: back[leg] if leg in swinging else front[leg] for leg in middle}
+        end = {leg: front[leg] if leg in swinging else back[leg] for leg in middle}
+        phases.append((swinging, start, end))
+    return phases
+
+
+@dataclass
+class _Question:
+    """A nonlinear programme that is put together from instants of a motion.
+
+    Poses are in the plane's frame: its z is the plane's normal, the robot walks uphill. Forces are in units of m g.
+    """
+
+    robot: Robot
+    slope: Any
+    friction: float
+    body_height: float | None
+    max_torque: float | None = None
+
+    def __post_init__(self) -> None:
+        robot = self.robot
+        check_robot(robot)
+        check_number("friction", self.friction, at_least=0.0)
+        check_number("slope", self.slope, at_least=-np.pi / 2, at_most=np.pi / 2, unit="rad")
+        if self.body_height is not None:
+            check_number("body_height", self.body_height, above=0.0, unit="m")
+        self.height: Any = standing_height(robot) if self.body_height is None else self.body_height
+        self.limit = robot.servo.max_torque if self.max_torque is None else self.max_torque
+        check_number("max_torque", self.limit, above=0.0, unit="N m")
+        self.pitch: Any = 0.0
+        self.shift: Any = 0.0
+        self.margin: Any = 0.0
+        self.footholds = forward_kinematics(robot, robot.standing_q)
+        self.cone = pyramids(np.array([self.friction]), _FACETS)[0]
+        self.function = leg_function(robot.table.canonical())
+        self.reach = reach_function(robot.table.canonical())
+        self.named: dict[str, ca.MX] = {}
+        self.variables: list[_Variable] = []
+        self.rows: list[tuple[str, ca.MX, float, float]] = []
+        self.loads: dict[int, ca.MX] = {}  # normal forces, by the number of the row that bounds them
+
+    def free(self, name: str, guess: float, low: float, high: float) -> ca.MX:
+        """Return a scalar variable that is part of the answer."""
+        self.named[name] = self._variable(f"range of {name}", [guess], [low], [high])
+        return self.named[name]
+
+    def _variable(self, name: str, guess: ArrayLike, low: ArrayLike, high: ArrayLike) -> ca.MX:
+        bounds = (np.asarray(values, dtype=float) for values in (guess, low, high))
+        variable = _Variable(name, *bounds)
+        self.variables.append(variable)
+        return variable.symbol
+
+    def _require(self, name: str, expression: ca.MX, low: float, high: float) -> None:
+        self.rows += [(name, row, low, high) for row in ca.vertsplit(expression)]
+
+    def walk(self, stride: Any, apex: float, first_phase: str) -> None:
+        """Both phases of the tripod gait at a few instants each; between them only the swinging legs count."""
+        check_number("apex", apex, at_least=0.0, unit="m")
+        if not isinstance(stride, ca.MX):
+            check_number("stride", stride, at_least=0.0, unit="m")
+        for swinging, start, end in _phases(self.robot, stride, first_phase):
+            for share in _SHARES:
+                # A(19)-(21): the inner control points of a swing are a quarter and three quarters ahead.
+                swung = 0.75 * share * (1 - share) ** 2 + 2.25 * share**2 * (1 - share) + share**3
+                done = {leg: swung if leg in swinging else share for leg in start}
+                place = {leg: start[leg] + done[leg] * (end[leg] - start[leg]) for leg in start}
+                self.instant(place, set(start) - swinging, lift=dict.fromkeys(swinging, 4 * apex * share * (1 - share)))
+
+    def instant(
+        self, place: Mapping[int, Any], carrying: set[int], lift: Mapping[int, Any] | None = None, torso: bool = False
+    ) -> None:
+        """Add an instant: how far ahead of its standing foothold each foot is, how high, and which ones carry."""
+        robot, up = self.robot, ca.DM([0.0, 0.0, 1.0])
+        forward, right = ca.DM(robot.forward), ca.DM(robot.right)
+        c, s = ca.cos(self.pitch), ca.sin(self.pitch)
+        R = c * ca.DM.eye(3) + s * ca.skew(right) + (1 - c) * (right @ right.T)
+        body = self.shift * forward + self.height * up
+        against_gravity = ca.sin(self.slope) * forward + ca.cos(self.slope) * up
+        legs = {}
+        for leg, ahead in place.items():
+            q = self._variable(
+                f"joint limits, leg {leg + 1}", robot.standing_q[leg], robot.q_min[leg], robot.q_max[leg]
+            )
+            state = dict(zip(self.function.name_out(), self.function(q, leg_constants(robot)[leg]), strict=True))
+            ground = ca.DM([*self.footholds[leg, :2], 0.0]) + ahead * forward
+            raised = (lift or {}).get(leg, 0.0)
+            self._require("place", R @ state["foot"] + body - ground - (raised + robot.foot_radius) * up, 0.0, 0.0)
+            side = float(BRANCH_SIGNS[standing_branch(robot)[leg], 0])
+            stretched = self.reach(state["foot"], robot.parameters[leg], side)
+            # Short of the boundary by 1e-6 of the reach: a leg that is quite straight has no slope across itself.
+            self._require(f"reach, leg {leg + 1}", stretched, 2e-6, np.inf)
+            legs[leg] = (state, ground)
+        moments = [state["moment"] for state, _ in legs.values()]
+        center = R @ ((robot.torso.mass * ca.DM(robot.torso.center_of_mass) + sum(moments)) / robot.mass) + body
+        weight = robot.mass * GRAVITY
+        total, turning = ca.MX(-against_gravity), ca.MX.zeros(3)
+        for leg, (state, ground) in legs.items():
+            torque = GRAVITY * ca.reshape(state["moment_slope"], 3, 3).T @ (R.T @ against_gravity)
+            if leg in carrying:
+                force = self._variable("", [0.0, 0.0, 1.0 / len(carrying)], [-np.inf] * 3, [np.inf] * 3)
+                total, turning = total + force, turning + ca.cross(ground - center, force)
+                local = ca.vertcat(forward.T @ force, (-right).T @ force, force[2])
+                for side in self.cone:
+                    self._require(f"friction, leg {leg + 1}", -(ca.DM(side).T @ local), 0.0, np.inf)
+                    self.loads[len(self.rows) - 1] = force[2]
+                inside = R.T @ force
+                # The contact lies on the foot's sphere, a radius below its centre.
+                lever = -robot.foot_radius * (R.T @ up)
+                pull = ca.reshape(state["jacobian"], 3, 3).T @ inside
+                pull += ca.reshape(state["axes"], 3, 3).T @ ca.cross(lever, inside)
+                torque -= weight * pull
+            for sign in (1.0, -1.0):
+                room = 1.0 - (sign * torque + self.margin) / self.limit
+                self._require(f"torque, leg {leg + 1}", room, 0.0, np.inf)
+        self._require("equilibrium", ca.vertcat(total, 10.0 * turning), 0.0, 0.0)
+        if torso:
+            for corner in itertools.product((-0.5, 0.5), (-0.5, 0.5), (-0.5,)):
+                point = R @ ca.DM(np.array(corner) * robot.torso.size) + body
+                self._require("torso clearance", point[2], 0.0, np.inf)
+
+    def maximise(self, goal: ca.MX) -> Design:
+        """Solve it."""
+        symbols = ca.vertcat(*(variable.symbol for variable in self.variables))
+        row_low, row_high = (np.array([row[k] for row in self.rows]) for k in (2, 3))
+        problem: dict[str, Any] = {"x": symbols, "f": -goal, "g": ca.vertcat(*(row for _, row, _, _ in self.rows))}
+        quiet = {"print_level": 0, "sb": "yes", "max_iter": 500, "tol": 1e-9, "bound_relax_factor": 0.0}
+        options: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": quiet}
+        solver = ca.nlpsol("design", "ipopt", problem, options)
+        guess, low, high = (np.concatenate([getattr(v, of) for v in self.variables]) for of in ("guess", "low", "high"))
+        found = solver(x0=guess, lbx=low, ubx=high, lbg=row_low, ubg=row_high)
+        status = solver.stats()["return_status"]
+        if status == "Infeasible_Problem_Detected":
+            return Design(float("nan"), (), dict.fromkeys(self.named, float("nan")), feasible=False)
+        if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+            raise SolverError(f"design question: IPOPT ended with {status}")
+        wanted = ca.vertcat(goal, *self.named.values(), *self.loads.values())
+        optimum, *values = np.asarray(ca.Function("values", [symbols], [wanted])(found["x"])).ravel()
+        answer, loads = dict(zip(self.named, values, strict=False)), values[len(self.named) :]
+
+        names = [name for name, *_ in self.rows] + [v.name for v in self.variables for _ in v.guess]
+        for number, load in zip(self.loads, loads, strict=True):
+            if load < _UNLOADED:
+                names[number] = names[number].replace("friction", "unloading")
+        multipliers = np.abs(np.concatenate([np.asarray(found[key]).ravel() for key in ("lam_g", "lam_x")]))
+        at = np.concatenate([np.asarray(found[key]).ravel() for key in ("g", "x")])
+        least, most = np.concatenate([row_low, low]), np.concatenate([row_high, high])
+        slack = np.minimum(at - least, most - at)
+        multipliers[(slack > _SLACK) | (least == most)] = 0.0  # equations always hold, what has room ends nothing
+        pressure: dict[str, float] = {}
+        for name, multiplier in zip(names, multipliers, strict=True):
+            pressure[name] = max(pressure.get(name, 0.0), float(multiplier))
+        ranked = sorted(pressure, key=lambda name: -pressure[name])
+        active = tuple(name for name in ranked if pressure[name] > _ACTIVE * pressure[ranked[0]])
+        return Design(float(optimum), active, {name: float(v) for name, v in answer.items()}, feasible=True)
+
+
+class _Variable:
+    """A vector of unknowns with a name for its bounds."""
+
+    def __init__(self, name: str, guess: Array, low: Array, high: Array):
+        self.name, self.guess, self.low, self.high = name, guess, low, high
+        self.symbol = ca.MX.sym("x", len(guess))
