@@ -28,8 +28,8 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait", "kinematics", "measures",
-    "paper", "posture", "stability", "stance", "studies", "study", "support_region", "swing", "symbolic", "terrain",
+    "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait", "kinematics",
+    "measures", "paper", "posture", "stability", "stance", "studies", "study", "support_region", "swing", "symbolic", "terrain",
     "transforms", "urdf", "walker",
 )  # fmt: skip
 

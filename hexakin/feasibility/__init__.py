@@ -1,4 +1,4 @@
-"""What a robot can do, before it tries: checks of a motion, forces that hold it, and small design questions (CasADi)."""
+"""What a robot can do, before it tries: checks of a motion, forces that hold it, small design questions (CasADi)."""
 
 from hexakin.feasibility.checks import Constraint, FeasibilityReport, check
 from hexakin.feasibility.design import Design, best_posture, highest_step, longest_stride, steepest_slope
