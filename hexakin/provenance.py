@@ -26,7 +26,6 @@ PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
 _BYSTANDERS = frozenset(
     ["__main__", "block_faces", "charts", "figure_style", "figures", "journal", "occlusion", "paper", "report"]
     + ["factorial", "sensitivity", "__init__", "provenance", "studies", "study", "tables", "verdicts"]
-    + ["feasibility", "stance", "support_region"]
 )
 
 
@@ -40,7 +39,7 @@ def provenance(trial: Trial) -> dict[str, Any]:
     sources = [*sorted((DATA / "robots").glob("*.yaml")), *sorted(package.rglob("*.py"))]
     digest = hashlib.sha256()
     for source in sources:
-        if not {source.stem, source.parent.name} & _BYSTANDERS:
+        if source.stem not in _BYSTANDERS:
             digest.update(source.name.encode() + source.read_bytes().replace(b"\r\n", b"\n"))
     if not trial.__module__.startswith("hexakin."):
         try:

@@ -117,6 +117,13 @@ def open_choices(scenario: str) -> Study:
     return sensitivity(scenario)
 
 
+def near_limits() -> Study:
+    """Walks up ramps near what friction, torque and balance allow (``hexakin.limits``), on the rigid engine."""
+    from hexakin.limits import study
+
+    return study()
+
+
 _MAKERS: dict[str, Callable[[str], Study]] = {
     "sweeps": sweeps, "steps": steps, "turned": turned, "sensitivity": open_choices, "grid": gain_grid,
 }  # fmt: skip
@@ -125,6 +132,7 @@ STUDIES: dict[str, Callable[[], Study]] = {
 }
 """Paper A's studies by name; ``python -m hexakin study NAME`` makes one. Their results are in data/results."""
 STUDIES["testbed_rougher"] = rougher
+STUDIES["ramp_limits"] = near_limits
 
 
 def fresh(scenario: str, *, count: int = 2) -> Study:

@@ -1,0 +1,170 @@
+"""Walks near their limits: what is predicted of a walk up a ramp before it starts, and what then happens.
+
+The trial ``near_limit`` checks a commanded walk and simulates it; ``foresight`` says of each predicted margin (of
+``hexakin.feasibility``, ``hexakin.stance`` and ``hexakin.support_region``) how often it was right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import mannwhitneyu, qmc
+
+from hexakin.exceptions import InvalidInputError, SimulationError
+from hexakin.feasibility import Motion, check, commanded_walk
+from hexakin.feasibility.forces import friction_needed, static_problem
+from hexakin.feasibility.legs import leg_states
+from hexakin.posture import PostureController
+from hexakin.recording import Recording
+from hexakin.robot import Robot
+from hexakin.robot_file import load_robot
+from hexakin.simulation import simulate
+from hexakin.stance import energy_margin, longitudinal_margin, polygon_margin, stance_of
+from hexakin.study import Study
+from hexakin.support_region import region_margin
+from hexakin.tables import Scalar
+from hexakin.terrain import Ramp, Terrain
+from hexakin.transforms import Array, transform_points
+
+RANGES = {"slope": (0.17, 0.79), "friction": (0.3, 1.2), "max_torque": (0.25, 1.89), "stride": (0.03, 0.065)}
+"""Ranges of the walks' slope [rad], friction, torque limit [N m] and stride [m]; the torque's logarithm is uniform."""
+
+MARGINS = {
+    "margin_polygon": "support polygon [m]",
+    "margin_longitudinal": "longitudinal [m]",
+    "margin_energy": "energy [m]",
+    "margin_friction": "friction",
+    "margin_torque": "torque [N m]",
+    "margin_region": "support region [m]",
+    "margin_region_torque": "support region with torque [m]",
+}
+"""Columns of predicted margins, each the smallest over the commanded walk, and what they are called.
+
+That of friction is what the ground has above the least coefficient that would do."""
+
+_EMPTY = -1.0  # [m] stands for the margin of an empty region
+
+
+def study(*, runs: int = 200, seed: int = 0, engine: str = "rigid") -> Study:
+    """Latin hypercube of walks over ``RANGES``, each from a start of its own."""
+    shares = qmc.LatinHypercube(len(RANGES), rng=seed).random(runs)
+    points = []
+    for k, share in enumerate(shares):
+        point: dict[str, Scalar] = {}
+        for (name, (low, high)), part in zip(RANGES.items(), share, strict=True):
+            value = low * (high / low) ** part if name == "max_torque" else low + part * (high - low)
+            point[name] = round(float(value), 6)
+        points.append({**point, "engine": engine, "seed": k})
+    return Study("ramp_limits", near_limit, tuple(points))
+
+
+def near_limit(
+    slope: float, friction: float, max_torque: float, stride: float, engine: str, seed: int, *,
+    time_step: float = 0.002, num_cycles: int = 6,
+) -> dict[str, float]:  # fmt: skip
+    """Predict and then simulate ATHENA's walk up a ramp; a trial of ``hexakin.study``.
+
+    Columns: the margins of ``MARGINS``, each the smallest over the commanded walk, and ``feasible`` (0 or 1) of
+    ``feasibility.check``; ``torso_contact``, the share of ticks in which the torso touched the ground (1 if the robot
+    turned over or left the scene); ``slip`` [m], the median over phases of how far the most slipping foot of those in
+    stance slid; ``advance``, the distance uphill as a share of the commanded one.
+    """
+    athena = load_robot("athena")
+    robot = replace(athena, servo=replace(athena.servo, max_torque=max_torque))
+    ramp, controller = Ramp(slope=slope), PostureController(robot, stride=stride, seed=seed)
+    predicted = predict(robot, commanded_walk(controller, ramp, num_cycles=1), ramp, friction)
+    try:
+        recording = simulate(
+            robot, ramp, controller, engine=engine, friction=friction, time_step=time_step, seed=seed,
+            max_cycles=num_cycles, duration=2.0 * num_cycles * controller.phases_per_cycle,
+        )  # fmt: skip
+    except SimulationError:
+        return {**predicted, "torso_contact": 1.0, "slip": float("nan"), "advance": 0.0}
+    commanded = stride * controller.phases_per_cycle * num_cycles
+    way = recording.T_world_body[-1, :3, 3] - recording.T_world_body[0, :3, 3]
+    uphill = recording.T_world_body[0, :3, :3] @ robot.forward
+    measured = {
+        "torso_contact": float(np.mean(recording.torso_force > 0.0)),
+        "slip": float(np.median(slips(recording))),
+        "advance": float(way @ uphill) / commanded,
+    }
+    return {name: float(f"{value:.6g}") for name, value in {**predicted, **measured}.items()}
+
+
+def predict(robot: Robot, motion: Motion, terrain: Terrain, friction: float) -> dict[str, float]:
+    """Smallest margins over a motion (columns of ``MARGINS``) and ``feasible``."""
+    report = check(robot, motion, terrain, friction=friction)
+    least = {name: np.inf for name in MARGINS}
+    least["margin_torque"] = float(np.nan_to_num(report.constraints["torque"].worst, nan=-robot.servo.max_torque))
+    normals = terrain.normal(*np.moveaxis(transform_points(motion.T_world_body, motion.p_body_foot)[..., :2], -1, 0))
+    problem = static_problem(
+        robot, motion.T_world_body, leg_states(robot, motion.q), motion.carrying, normals,
+        friction=friction, facets=16, torque_unit=robot.servo.max_torque,
+    )  # fmt: skip
+    least["margin_friction"] = max(friction - float(friction_needed(problem).max()), _EMPTY)
+    forward = motion.T_world_body[0, :3, :3] @ robot.forward
+    heading = float(np.arctan2(forward[1], forward[0]))
+    changes = np.flatnonzero((motion.carrying[1:] != motion.carrying[:-1]).any(axis=1))
+    ends = {0, *changes.tolist(), *(changes + 1).tolist(), len(motion.time) - 1}
+    for k in range(len(motion.time)):
+        place = (robot, motion.T_world_body[k], motion.q[k], motion.carrying[k], terrain)
+        stance = stance_of(*place, friction=friction)
+        found = {"margin_polygon": polygon_margin(stance), "margin_longitudinal": longitudinal_margin(stance, heading)}
+        found["margin_energy"] = energy_margin(stance).margin
+        if k in ends:  # of the phases, where all margins of a stroke are smallest; a region takes a while
+            found["margin_region"] = region_margin(stance, tolerance=1e-4)
+            with_torque = stance_of(*place, friction=friction, torque_limits=True)
+            found["margin_region_torque"] = region_margin(with_torque, torque_limits=True, tolerance=1e-4)
+        for name, value in found.items():
+            least[name] = min(least[name], max(float(np.nan_to_num(value, nan=_EMPTY)), _EMPTY))
+    return {**{name: float(value) for name, value in least.items()}, "feasible": float(report.feasible)}
+
+
+def slips(recording: Recording) -> Array:
+    """Largest way (p,) [m] that a foot in stance slid in each phase, from the first tick in which it was loaded."""
+    feet = transform_points(recording.T_world_body, recording.p_body_foot)
+    found = []
+    for phase in np.unique(recording.phase):
+        ticks = np.flatnonzero((recording.phase == phase) & ~recording.extending)
+        slid = [0.0]
+        for leg in range(recording.num_legs):
+            held = ticks[recording.stance[ticks, leg] & (recording.foot_force[ticks, leg] > 0.0)]
+            if len(held) > 1:
+                slid.append(float(np.linalg.norm(feet[held[1:], leg] - feet[held[0], leg], axis=-1).max()))
+        found.append(max(slid))
+    return np.array(found)
+
+
+def failures(table: pd.DataFrame, *, slip: float = 0.02, advance: float = 0.5) -> NDArray[np.bool_]:
+    """Which walks failed: the torso touched, feet slid more than ``slip`` [m], or less than ``advance`` was made."""
+    slid = ~(table["slip"] <= slip)
+    return np.asarray((table["torso_contact"] > 0.0) | slid | (table["advance"] < advance))
+
+
+def foresight(table: pd.DataFrame, failed: ArrayLike) -> pd.DataFrame:
+    """Say how often each predicted margin was right: one row per margin, and one for ``feasible``.
+
+    Columns: ``right``, the share of walks in which a margin of at least zero went with success and a smaller one with
+    failure; ``missed``, the share of failures with a margin of at least zero; ``false_alarms``, the share of successes
+    with a smaller one; ``ranked``, the probability that a failed walk had the smaller margin of a failed and a
+    successful one (0.5 is chance). Raises InvalidInputError if no walk failed or none succeeded.
+    """
+    lost = np.asarray(failed, dtype=bool)
+    if lost.all() or not lost.any():
+        raise InvalidInputError(f"table: {lost.sum()} of {len(lost)} walks failed; foresight needs both kinds")
+    rows: dict[str, Mapping[str, Any]] = {}
+    for name in (*MARGINS, "feasible"):
+        margin = table[name].to_numpy(dtype=float) - (0.5 if name == "feasible" else 0.0)
+        warned = margin < 0.0
+        rows[name] = {
+            "right": np.mean(warned == lost),
+            "missed": np.mean(~warned[lost]),
+            "false_alarms": np.mean(warned[~lost]),
+            "ranked": mannwhitneyu(margin[~lost], margin[lost]).statistic / (lost.sum() * (~lost).sum()),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index")
