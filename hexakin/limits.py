@@ -50,8 +50,11 @@ That of friction is what the ground has above the least coefficient that would d
 _EMPTY = -1.0  # [m] stands for the margin of an empty region
 
 
-def study(*, runs: int = 200, seed: int = 0, engine: str = "rigid") -> Study:
-    """Latin hypercube of walks over ``RANGES``, each from a start of its own."""
+def study(*, runs: int = 200, on_pybullet: int = 60, seed: int = 0) -> Study:
+    """Latin hypercube of walks over ``RANGES`` on the rigid engine, each from a start of its own; some on PyBullet too.
+
+    The first ``on_pybullet`` of them are; a hypercube's rows are in random order.
+    """
     shares = qmc.LatinHypercube(len(RANGES), rng=seed).random(runs)
     points = []
     for k, share in enumerate(shares):
@@ -59,12 +62,14 @@ def study(*, runs: int = 200, seed: int = 0, engine: str = "rigid") -> Study:
         for (name, (low, high)), part in zip(RANGES.items(), share, strict=True):
             value = low * (high / low) ** part if name == "max_torque" else low + part * (high - low)
             point[name] = round(float(value), 6)
-        points.append({**point, "engine": engine, "seed": k})
-    return Study("ramp_limits", near_limit, tuple(points))
+        points.append({**point, "seed": k})
+    rigid = [{**point, "engine": "rigid"} for point in points]
+    pybullet = [{**point, "engine": "pybullet"} for point in points[:on_pybullet]]
+    return Study("ramp_limits", near_limit, (*rigid, *pybullet))
 
 
 def near_limit(
-    slope: float, friction: float, max_torque: float, stride: float, engine: str, seed: int, *,
+    slope: float, friction: float, max_torque: float, stride: float, seed: int, engine: str, *,
     time_step: float = 0.002, num_cycles: int = 6,
 ) -> dict[str, float]:  # fmt: skip
     """Predict and then simulate ATHENA's walk up a ramp; a trial of ``hexakin.study``.

@@ -118,7 +118,7 @@ def open_choices(scenario: str) -> Study:
 
 
 def near_limits() -> Study:
-    """Walks up ramps near what friction, torque and balance allow (``hexakin.limits``), on the rigid engine."""
+    """Walks up ramps near what friction, torque and balance allow (``hexakin.limits``)."""
     from hexakin.limits import study
 
     return study()

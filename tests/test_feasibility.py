@@ -206,6 +206,17 @@ def test_two_feet_hold_a_robot_only_in_line_with_its_centre_of_mass(athena):
     assert distribute(athena, *standing(athena, np.eye(4), feet=[1, 1, 0, 0, 0, 0])).outcome[0] == "support"
 
 
+def test_a_robot_that_tips_is_not_said_to_slide_because_its_feet_are_not_quite_in_a_plane(athena):
+    """Three feet of one side, a hair's breadth out of line: without a bound on friction they could be wedged."""
+    T, q, carrying = standing(athena, np.eye(4), feet=[True, True, False, False, False, True])
+    q = q + 1e-3 * np.random.default_rng(5).normal(size=q.shape)
+    problem = forces.static_problem(
+        athena, T, leg_states(athena, q), carrying, [0.0, 0.0, 1.0], friction=0.9, facets=16, torque_unit=1.0
+    )
+    assert forces._smallest_torque(problem, 0, np.array([[0.0, 0.0, -1.0]])) is not None, "wedged"
+    assert distribute(athena, T, q, carrying, max_torque=np.inf).outcome[0] == "support"
+
+
 @pytest.mark.parametrize(
     ("change", "error"),
     [

@@ -30,6 +30,11 @@ from hexakin.transforms import Array, check_array, check_number, check_whole
 OUTCOMES = ("balanced", "torque", "friction", "support")
 """Outcomes of an instant: forces were found; joints lack torque; feet would slide; the robot would tip or fall."""
 
+MOST_FRICTION = 10.0
+"""Coefficient of friction beyond any ground's: what tips even with it tips, and is not said to slide.
+
+Feet that are not quite in one plane could else be wedged against each other by forces without bound."""
+
 _REGULARISATION = 1e-6
 _EQUILIBRIUM = 1e-8  # [N], and of moments [N m]
 _INEQUALITY = 1e-8  # of m g, and of the torque limit
@@ -166,7 +171,7 @@ def distribute(
     )
 
 
-def friction_needed(problem: StaticProblem, *, most: float = 10.0, tolerance: float = 1e-3) -> Array:
+def friction_needed(problem: StaticProblem, *, most: float = MOST_FRICTION, tolerance: float = 1e-3) -> Array:
     """Smallest coefficient of friction with which each instant can be held without limits of torque, (n,).
 
     Found by bisection to ``tolerance``; inf where even ``most`` is not enough.
@@ -386,8 +391,8 @@ def _diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str
     share = _smallest_torque(problem, instant)
     if share is not None:
         return ("torque" if bounded and share > 1.0 + 1e-7 else "balanced"), share
-    only_normal = np.array([[0.0, 0.0, -1.0]])
-    return ("support" if _smallest_torque(problem, instant, only_normal) is None else "friction"), float("nan")
+    rough = pyramids(np.array([MOST_FRICTION]), problem.cone.shape[1])[0]
+    return ("support" if _smallest_torque(problem, instant, rough) is None else "friction"), float("nan")
 
 
 def _solved_again(problem: StaticProblem, instant: int, bounded: bool) -> tuple[Array, float]:

@@ -1,0 +1,80 @@
+"""Contact forces that joint torques tell of, and the part of them with which the feet press against each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.feasibility.forces import static_problem
+from hexakin.feasibility.legs import leg_states
+from hexakin.robot import Robot, check_robot
+from hexakin.transforms import Array, check_array
+
+_SINGULAR = 1e8  # condition of a leg's Jacobian beyond which torques say nothing of the force along the leg
+
+
+def forces_from_torques(
+    robot: Robot, T_world_body: ArrayLike, q: ArrayLike, torque: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
+) -> Array:
+    """Forces (n, L, 3) [N] of the ground on the feet, in the world, that leave legs with these torques at rest.
+
+    f = J^-T (g - tau), with the Jacobian J of the contact point and the leg's own weight g: the opposite question to
+    ``distribute``'s. For the foot of a leg in the air it says what the leg's acceleration takes, zero at rest.
+
+    Parameters
+    ----------
+    T_world_body, q:
+        Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
+    torque:
+        Of the joints, (n, L, 3) [N m], positive along the angles.
+    normals:
+        Unit normals of the ground under the feet, (n, L, 3) or one for all.
+
+    Raises InvalidInputError for shapes that do not fit and for a leg that is stretched straight.
+    """
+    check_robot(robot)
+    T = check_array("T_world_body", T_world_body, (4, 4))
+    shape = (robot.num_legs, 3)
+    angles, tau = (check_array(name, v, shape, ("leg", "joint")) for name, v in (("q", q), ("torque", torque)))
+    if angles.ndim != 3 or T.shape != (len(angles), 4, 4) or tau.shape != angles.shape:
+        shapes = f"T_world_body {T.shape}, q {angles.shape}, torque {tau.shape}"
+        raise InvalidInputError(f"expected shapes (n, 4, 4), (n, {shape[0]}, 3) and (n, {shape[0]}, 3); got {shapes}")
+    every = np.ones(angles.shape[:2], dtype=bool)
+    problem = static_problem(
+        robot, T, leg_states(robot, angles), every, normals, friction=0.0, facets=3, torque_unit=1.0
+    )
+    condition = np.linalg.cond(problem.torque_map)
+    if (condition > _SINGULAR).any():
+        instant, leg = np.argwhere(condition > _SINGULAR)[0]
+        raise InvalidInputError(f"q: leg {leg + 1} is stretched straight at instant {instant}; torques give no force")
+    local = np.linalg.solve(problem.torque_map, (tau - problem.torque_free)[..., None])
+    return problem.unit * (problem.frames @ local)[..., 0]
+
+
+def internal_forces(points: ArrayLike, force: ArrayLike, carrying: ArrayLike) -> Array:
+    """The part (n, L, 3) [N] of forces with which the feet press against each other: no resultant and no moment.
+
+    The rest, ``force`` less this part, is the smallest set of forces with the same resultant and moment, moments
+    counted in the feet's mean distance from their middle.
+
+    ``points`` (n, L, 3) [m] at which they act, ``force`` (n, L, 3) [N], ``carrying`` (n, L): those of feet that do not
+    carry are left out and zero in the result. Raises InvalidInputError for shapes that do not fit.
+    """
+    where, f = (check_array(name, v, (3,), ("coordinate",)) for name, v in (("points", points), ("force", force)))
+    carry = np.asarray(carrying, dtype=bool)
+    if f.ndim != 3 or where.shape != f.shape or carry.shape != f.shape[:2]:
+        shapes = f"points {where.shape}, force {f.shape}, carrying {carry.shape}"
+        raise InvalidInputError(f"expected shapes (n, L, 3), (n, L, 3) and (n, L); got {shapes}")
+    count = np.maximum(carry.sum(axis=1), 1)[:, None]
+    arm = where - (where * carry[..., None]).sum(axis=1, keepdims=True) / count[..., None]
+    size = (np.linalg.norm(arm, axis=-1) * carry).sum(axis=1, keepdims=True) / count
+    arm = arm / np.where(size > 0.0, size, 1.0)[..., None]
+    balance = np.zeros((*f.shape[:2], 6, 3))
+    balance[:, :, :3] = np.eye(3)
+    balance[:, :, 3:] = np.cross(arm[..., None], np.eye(3), axisa=-2, axisb=-2, axisc=-2)
+    balance = np.moveaxis(np.where(carry[..., None, None], balance, 0.0), 1, 2).reshape(len(f), 6, -1)
+    carried = np.where(carry[..., None], f, 0.0)
+    flat = carried.reshape(len(f), -1, 1)
+    needed = (np.linalg.pinv(balance) @ (balance @ flat)).reshape(f.shape)
+    return np.where(carry[..., None], f - needed, 0.0)
