@@ -2,8 +2,8 @@
 
 Run with ``python tests/benchmarks/feasibility_check.py [repeats] [instants]``. The walk is paper B's, on a ramp; each
 check has all constraints, the force distribution (friction cones as pyramids of 16 sides) included. Set-up (the leg
-functions, the solvers) is made before. One by one, each call has two instants: a joint's speed needs the one before. The answers are
-compared first.
+functions, the solvers) is made before. One by one, each call has two instants: a joint's speed needs the one before.
+The answers are compared first.
 """
 
 import dataclasses
