@@ -80,6 +80,15 @@ def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
     assert shapes == "(701, 6, 3) (701, 6, 3)"
 
 
+def test_the_example_of_a_check_prints_what_it_says(capsys):
+    example = README.split("## Before it walks")[1].split("```python\n")[1].split("```")[0]
+    exec(compile(example, "README.md", "exec"), {})
+    said = capsys.readouterr().out
+    assert "not feasible: friction" in said and "a friction of 0.684" in said and "unloading" in said
+    energy, region = (float(line) for line in said.splitlines()[-2:])
+    assert 0.0 < energy < region
+
+
 def test_the_table_of_statements_is_computed_from_the_committed_results():
     """Mend it with: python -m hexakin statements."""
     _, rest = README.split("<!-- statements: python -m hexakin statements -->\n")
