@@ -36,6 +36,7 @@ from hexakin.figure_style import (
     use_style,
 )
 from hexakin.kinematics import forward_kinematics, segment_poses
+from hexakin.region_charts import draw_forces, draw_regions, draw_samples
 from hexakin.robot import SEGMENT_NAMES, Robot
 from hexakin.terrain import Terrain
 from hexakin.transforms import Array, check_array, transform_points
@@ -58,11 +59,14 @@ __all__ = [
     "bar_effects",
     "box_groups",
     "draw_boxes",
+    "draw_forces",
     "draw_frame",
     "draw_joint_angles",
     "draw_plan",
     "draw_plane",
+    "draw_regions",
     "draw_robot",
+    "draw_samples",
     "draw_skeleton",
     "draw_sweep",
     "draw_terrain",

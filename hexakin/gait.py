@@ -1,41 +1,100 @@
-"""Which legs swing when."""
+"""Which legs swing when: any duty factor and phase offsets, and the gaits that have names."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hexakin.exceptions import InvalidInputError
-from hexakin.robot import Robot
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.kinematics import forward_kinematics
+from hexakin.robot import Robot, check_robot
+from hexakin.transforms import Array, check_array, check_number
+
+_ROUNDING = 1e-9  # of a cycle
 
 
 @dataclass(frozen=True)
 class Gait:
-    """A gait of equal phases: ``groups[k]`` are the legs (index from 0) that swing in phase k of a cycle."""
+    """A periodic gait: leg i lifts off at ``offsets[i]`` of a cycle and is back on the ground 1 - duty_factor later.
+
+    ``offsets`` (L,) in [0, 1) are shares of a cycle, ``duty_factor`` in (0, 1) the share that a foot is on the ground.
+    Raises InvalidInputError for values outside these ranges.
+    """
 
     name: str
-    num_legs: int
-    groups: tuple[tuple[int, ...], ...]
+    duty_factor: float
+    offsets: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        legs = [leg for group in self.groups for leg in group]
-        if sorted(legs) != list(range(self.num_legs)) or not all(self.groups):
-            raise InvalidInputError(
-                f"gait {self.name!r}: groups {self.groups} must hold each of the legs 0 to {self.num_legs - 1} once"
-            )
+        check_number(f"gait {self.name!r}: duty_factor", self.duty_factor, above=0.0)
+        offsets = check_array(f"gait {self.name!r}: offsets", self.offsets, ())
+        if offsets.ndim != 1 or not len(offsets):
+            raise InvalidInputError(f"gait {self.name!r}: offsets of shape {offsets.shape}, expected one for each leg")
+        if self.duty_factor >= 1.0:
+            raise InvalidInputError(f"gait {self.name!r}: duty_factor {self.duty_factor:g}, expected less than 1")
+        if (offsets < 0.0).any() or (offsets >= 1.0).any():
+            raise InvalidInputError(f"gait {self.name!r}: offsets {self.offsets}, expected shares of a cycle in [0, 1)")
+        object.__setattr__(self, "offsets", tuple(float(offset) for offset in offsets))
+
+    @property
+    def num_legs(self) -> int:
+        """Number of legs L."""
+        return len(self.offsets)
+
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Legs (index from 0) that lift off together, in the order of the cycle."""
+        times = np.array(self.offsets)
+        starts = np.unique(times.round(9))
+        return tuple(tuple(int(i) for i in np.flatnonzero(np.abs(times - start) < _ROUNDING)) for start in starts)
 
     @property
     def phases_per_cycle(self) -> int:
-        """Number of phases in a gait cycle."""
+        """Number of groups, the phases of a cycle."""
         return len(self.groups)
 
+    @property
+    def has_equal_phases(self) -> bool:
+        """Whether one group swings after the other, each through one of equal phases, with none in between."""
+        count = self.phases_per_cycle
+        first = [self.offsets[group[0]] for group in self.groups]
+        even = np.allclose(first, np.arange(count) / count, atol=_ROUNDING)
+        return bool(even and abs(1.0 - self.duty_factor - 1.0 / count) < _ROUNDING)
+
     def swinging(self, phase: int) -> NDArray[np.bool_]:
-        """Whether each leg swings in the phase with this running number, (L,)."""
+        """Whether each leg swings in the phase with this running number, (L,), of a gait of equal phases."""
         swing = np.zeros(self.num_legs, dtype=bool)
         swing[list(self.groups[phase % self.phases_per_cycle])] = True
         return swing
+
+    def swing_share(self, cycle: ArrayLike) -> Array:
+        """How much of its swing each leg has done at these times, in cycles: (...) -> (..., L), NaN in stance."""
+        since = np.mod(np.asarray(cycle, dtype=float)[..., None] - np.array(self.offsets) + _ROUNDING, 1.0) - _ROUNDING
+        share = since / (1.0 - self.duty_factor)
+        return np.where(share < 1.0 - _ROUNDING, np.maximum(share, 0.0), np.nan)
+
+    @property
+    def fewest_carrying(self) -> int:
+        """Smallest number of legs on the ground at any time."""
+        instants = np.array([*self.offsets, *np.mod(np.array(self.offsets) + 1.0 - self.duty_factor, 1.0)])
+        between = np.mod(np.sort(instants) + 0.5 * np.diff(np.sort(instants), append=np.sort(instants)[0] + 1.0), 1.0)
+        return int(np.isnan(self.swing_share(np.concatenate([instants, between]))).sum(axis=-1).min())
+
+
+def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
+    """Gait of equal phases: ``groups[k]`` are the legs (index from 0) that swing in phase k of a cycle."""
+    legs = [leg for group in groups for leg in group]
+    if sorted(legs) != list(range(len(legs))) or not all(groups):
+        expected = f"must hold each of the legs 0 to {max(len(legs), 1) - 1} once"
+        raise InvalidInputError(f"gait {name!r}: groups {groups} {expected}")
+    offsets = np.empty(len(legs))
+    for k, group in enumerate(groups):
+        offsets[list(group)] = k / len(groups)
+    return Gait(name, 1.0 - 1.0 / len(groups), tuple(offsets))
 
 
 def tripod(robot: Robot) -> Gait:
@@ -45,4 +104,70 @@ def tripod(robot: Robot) -> Gait:
     """
     if robot.num_legs != 6:
         raise InvalidInputError(f"tripod gait: {robot.name} has {robot.num_legs} legs, expected 6")
-    return Gait("tripod", 6, ((0, 2, 4), (1, 3, 5)))
+    return in_groups("tripod", ((0, 2, 4), (1, 3, 5)))
+
+
+def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> Gait:
+    """Wave gait: on each side the swings run from the rear leg forwards, the two sides half a cycle apart.
+
+    Neighbours lift off ``duty_factor`` apart (McGhee and Iswandhi 1979; Song and Waldron 1989); None is 1 - 1 / L, at
+    which one leg swings at a time. With 1/2 it is a tripod's two groups.
+    """
+    sides = _sides(robot)
+    beta = 1.0 - 1.0 / robot.num_legs if duty_factor is None else duty_factor
+    offsets = np.empty(robot.num_legs)
+    for side, legs in enumerate(sides):
+        offsets[list(legs)] = np.mod(0.5 * side + beta * np.arange(len(legs)) + _ROUNDING, 1.0) - _ROUNDING
+    return Gait(name, beta, tuple(np.maximum(offsets, 0.0)))
+
+
+def ripple(robot: Robot) -> Gait:
+    """Ripple gait: the wave gait of duty factor 2/3, in which swings of the two sides overlap by half."""
+    return wave(robot, 2.0 / 3.0, "ripple")
+
+
+def tetrapod(robot: Robot) -> Gait:
+    """Tetrapod gait of six legs: three pairs across the body swing one after the other; four legs carry.
+
+    Raises InvalidInputError for a robot that has not six legs.
+    """
+    if robot.num_legs != 6:
+        raise InvalidInputError(f"tetrapod gait: {robot.name} has {robot.num_legs} legs, expected 6")
+    left, right = _sides(robot)
+    return in_groups("tetrapod", ((left[2], right[0]), (left[1], right[2]), (left[0], right[1])))
+
+
+GAITS = {"tripod": tripod, "tetrapod": tetrapod, "ripple": ripple, "wave": wave}
+"""Gaits by name; each is made for a robot."""
+
+
+def gait_of(robot: Robot, gait: str | Gait) -> Gait:
+    """Return a gait for a robot, by name or checked.
+
+    Raises UnknownNameError for a name that is not in ``GAITS``, InvalidInputError if the numbers of legs differ or if
+    at some time fewer than three legs would carry the robot.
+    """
+    check_robot(robot)
+    if isinstance(gait, str):
+        if gait not in GAITS:
+            raise UnknownNameError("gait", gait, list(GAITS))
+        gait = GAITS[gait](robot)
+    if not isinstance(gait, Gait):
+        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait or one of {', '.join(GAITS)}, got {gait!r:.80}")
+    if gait.num_legs != robot.num_legs:
+        raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
+    if gait.fewest_carrying < 3:
+        said = f"{gait.name} leaves {gait.fewest_carrying} legs on the ground, expected at least 3"
+        raise InvalidInputError(f"gait: {said} for {robot.name} to stand on")
+    return gait
+
+
+def _sides(robot: Robot) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Legs to the left and to the right of the way, from front to rear, by where their feet stand."""
+    feet = forward_kinematics(robot, robot.standing_q)
+    ahead, across = feet @ robot.forward, feet @ robot.right
+    order = np.argsort(-ahead, kind="stable")
+    left, right = tuple(int(i) for i in order if across[i] < 0.0), tuple(int(i) for i in order if across[i] >= 0.0)
+    if len(left) != len(right):
+        raise InvalidInputError(f"gait: {robot.name} has {len(left)} legs to the left and {len(right)} to the right")
+    return left, right

@@ -203,6 +203,23 @@ def segment_poses(robot: Robot, q: ArrayLike) -> Array:
     return result
 
 
+def joint_axes(robot: Robot, q: ArrayLike) -> Array:
+    """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of each foot.
+
+    ``q`` (L, 3) [rad] -> (L, 3, 3).
+    """
+    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    if angles.ndim != 2:
+        raise InvalidInputError(f"q: expected shape ({robot.num_legs}, 3), got {angles.shape}")
+    result = np.empty((robot.num_legs, 3, 3))
+    for leg in range(robot.num_legs):
+        fixed, rotation = robot.fixed_poses(leg)[:, :3, :3], np.eye(3)
+        for k in range(3):
+            rotation = rotation @ fixed[k] @ axis_rotation([0.0, 0.0, 1.0], angles[leg, k])
+            result[leg, :, k] = rotation[:, 2]
+    return result
+
+
 def _wrapped(angle: Array) -> Array:
     """Angles in (-pi, pi]."""
     return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)

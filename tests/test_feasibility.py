@@ -260,6 +260,15 @@ def test_walk_on_the_papers_ramp_is_feasible_and_names_what_ends_it_on_a_steep_o
     assert "NO" in str(slippery)
 
 
+def test_of_equally_bad_instants_the_first_is_named(athena):
+    plane = hk.terrain.Plane()
+    report = check(athena, commanded_walk(hk.PostureController(athena), plane, num_cycles=3), plane)
+    for name in ("reach", "joint limits", "balance", "torque"):
+        constraint = report.constraints[name]
+        assert constraint.time <= 2.05, "cycles repeat; the first, and the instant that begins the next, take 2.05 s"
+        assert constraint.worst == np.nanmin(constraint.margins)
+
+
 def changed(motion, **fields):
     import dataclasses
 
@@ -321,6 +330,14 @@ def test_plans_of_paper_b_are_checked_on_any_terrain_and_on_its_own_curves():
     assert "not checked" in str(report) and report.constraints["torque"].satisfied
     long = hk.plan_walk(robot, hk.terrain.Plane(), num_steps=2, step_length=0.6, on_failure="mark")
     assert "reach" in check(robot, long, hk.terrain.Plane()).binding
+
+
+def test_a_motion_that_is_nowhere_in_reach_is_reported_and_has_no_forces():
+    robot = hk.load_robot("hwr")
+    plan = hk.plan_walk(robot, hk.terrain.Plane(), num_steps=1, body_height=0.3, on_failure="mark")
+    report = check(robot, plan, hk.terrain.Plane())
+    assert report.binding == ("reach",) and (report.forces.outcome == "").all()
+    assert np.isnan(report.forces.force).all() and report.constraints["torque"].satisfied is None
 
 
 def test_a_robot_without_a_speed_limit_says_that_speed_was_not_checked(athena, walk):

@@ -427,3 +427,38 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_file_before_as_it_was(tmp_path
     with pytest.raises(ValueError, match="nonsense"):
         figures.save_pdf(figure, path)
     assert path.read_bytes() == b"before" and list(tmp_path.iterdir()) == [path]
+
+
+def test_arrows_of_forces_begin_at_the_feet_and_are_to_scale(ax):
+    points, forces = np.array([[0.1, 0.2], [0.3, 0.4], [0.0, 0.0]]), np.array([[1.0, 2.0], [0.0, -1.0], [0.0, 0.0]])
+    figures.draw_forces(ax, points, forces, scale=0.01)
+    (arrows,) = ax.collections
+    np.testing.assert_allclose(arrows.get_offsets(), 1e3 * points[:2])
+    np.testing.assert_allclose(np.stack([arrows.U, arrows.V], axis=1), 10.0 * forces[:2])
+    assert arrows.scale == 1.0
+    space = figures.axes_3d(plt.figure())
+    figures.draw_forces(space, np.zeros((1, 3)), [[0.0, 0.0, 5.0]], scale=0.01)
+    shaft = np.array(space.collections[0]._segments3d[0])
+    np.testing.assert_allclose(np.sort(shaft[:, 2]), [0.0, 50.0])
+    with pytest.raises(InvalidInputError, match="points, forces"):
+        figures.draw_forces(ax, points, forces[:2], scale=0.01)
+
+
+def test_regions_are_drawn_in_millimetres_with_a_name_each_and_may_be_empty(ax):
+    square = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+    regions = {"friction": square, "torque": np.empty((0, 2))}
+    figures.draw_regions(ax, np.c_[square, np.ones(4)], regions, [0.05, 0.04, 0.2], polygon=square)
+    polygon, friction, torque = ax.patches
+    for patch in (polygon, friction):
+        np.testing.assert_allclose(patch.get_xy()[:4], 1e3 * square)
+    assert len(torque.get_xy()) == 0 and not polygon.get_fill()
+    assert ax.get_legend_handles_labels()[1] == ["polygon", "friction", "torque", "feet", "centre of mass"]
+    np.testing.assert_allclose(ax.lines[-1].get_xydata(), [[50.0, 40.0]])
+
+
+def test_samples_tell_what_is_possible_by_shape_as_well_as_by_colour(ax):
+    figures.draw_samples(ax, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [True, False, True])
+    possible, impossible = ax.lines
+    np.testing.assert_allclose(possible.get_xydata(), [[1.0, 4.0], [3.0, 6.0]])
+    np.testing.assert_allclose(impossible.get_xydata(), [[2.0, 5.0]])
+    assert possible.get_marker() != impossible.get_marker()

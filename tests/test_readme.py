@@ -97,7 +97,7 @@ def test_the_table_of_statements_is_computed_from_the_committed_results():
 
 def test_the_readmes_study_runs_and_goes_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    example = README.split("```python\n")[2].split("```")[0]
+    example = README.split("## Studies")[1].split("```python\n")[1].split("```")[0]
     namespace = {"__name__": "example"}
     exec(compile(example, "README.md", "exec"), namespace)
     assert list(namespace["table"].groupby("k_z").size()) == [2, 2, 2]

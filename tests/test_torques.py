@@ -6,7 +6,7 @@ import pytest
 import hexakin as hk
 from hexakin.dynamics import GRAVITY
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility import distribute, forces_from_torques, internal_forces
+from hexakin.feasibility import distribute, forces_from_torques, internal_forces, torques_from_forces
 from hexakin.kinematics import standing_height
 
 N = 40
@@ -35,6 +35,8 @@ def test_torques_of_a_force_distribution_give_its_forces_back(robot):
     assert held.sum() > N / 2
     forces = forces_from_torques(robot, T[held], q[held], found.torque[held], normals[held])
     np.testing.assert_allclose(forces, found.force[held], atol=1e-8)
+    torque = torques_from_forces(robot, T[held], q[held], found.force[held], normals[held])
+    np.testing.assert_allclose(torque, found.torque[held], atol=1e-10)
     np.testing.assert_allclose(forces.sum(axis=1) - [0.0, 0.0, robot.mass * GRAVITY], 0.0, atol=1e-7)
 
 
@@ -66,8 +68,9 @@ def test_two_feet_pressed_together_are_internal_and_a_weight_is_not():
 
 def test_what_cannot_be_used_is_named(robot):
     T, q = tilted(robot, np.random.default_rng(3), n=2)
-    with pytest.raises(InvalidInputError, match="expected shapes"):
-        forces_from_torques(robot, T, q, q[:1])
+    for function in (forces_from_torques, torques_from_forces):
+        with pytest.raises(InvalidInputError, match="expected shapes"):
+            function(robot, T, q, q[:1])
     with pytest.raises(InvalidInputError, match="expected shapes"):
         internal_forces(q, q, np.ones((2, 5), dtype=bool))
 

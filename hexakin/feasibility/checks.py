@@ -24,6 +24,7 @@ from hexakin.transforms import Array, check_number, transform_points
 from hexakin.walker import WalkPlan
 
 _ROUNDING = 1e-9  # of margins: a pose on its limit keeps it
+_TIE = 1e-6  # of margins: of instants as bad as this the first is named, as on every machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +133,9 @@ def _constraint(
         return Constraint(name, unit, margins, float("nan"), float("nan"), None, None, "it applies at no instant")
     bad = margins < -_ROUNDING if violated is None else violated
     ranked = np.where(bad, margins, np.inf) if bad.any() else margins
-    place = np.unravel_index(int(np.nanargmin(ranked)), margins.shape)
-    worst = float(margins[place]) if abs(margins[place]) > _ROUNDING else 0.0
+    least = float(np.nanmin(ranked))
+    worst = least if abs(least) > _ROUNDING else 0.0
+    place = np.unravel_index(int(np.argmax(ranked <= least + _TIE)), margins.shape)
     leg = int(place[1]) + 1 if margins.ndim == 2 else None
     said = mend.format(short=f"{max(-worst, 0.0):.3g}", leg=leg) if bad.any() else ""
     return Constraint(name, unit, margins, worst, float(motion.time[place[0]]), leg, not bad.any(), said)

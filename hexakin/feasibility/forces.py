@@ -135,6 +135,9 @@ def distribute(
         raise InvalidInputError(
             f"expected shapes (n, 4, 4), (n, {robot.num_legs}, 3) and (n, {robot.num_legs}); got {shapes}"
         )
+    if n == 0:
+        none, joints = np.zeros(0), np.zeros((0, robot.num_legs, 3))
+        return ForceDistribution(np.zeros(0, dtype="<U8"), joints, joints, none, none, np.zeros((0, 3)))
     problem = static_problem(
         robot,
         T,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility.forces import static_problem
+from hexakin.feasibility.forces import StaticProblem, static_problem
 from hexakin.feasibility.legs import leg_states
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, check_array
@@ -33,23 +33,42 @@ def forces_from_torques(
 
     Raises InvalidInputError for shapes that do not fit and for a leg that is stretched straight.
     """
-    check_robot(robot)
-    T = check_array("T_world_body", T_world_body, (4, 4))
-    shape = (robot.num_legs, 3)
-    angles, tau = (check_array(name, v, shape, ("leg", "joint")) for name, v in (("q", q), ("torque", torque)))
-    if angles.ndim != 3 or T.shape != (len(angles), 4, 4) or tau.shape != angles.shape:
-        shapes = f"T_world_body {T.shape}, q {angles.shape}, torque {tau.shape}"
-        raise InvalidInputError(f"expected shapes (n, 4, 4), (n, {shape[0]}, 3) and (n, {shape[0]}, 3); got {shapes}")
-    every = np.ones(angles.shape[:2], dtype=bool)
-    problem = static_problem(
-        robot, T, leg_states(robot, angles), every, normals, friction=0.0, facets=3, torque_unit=1.0
-    )
+    problem, tau = _problem(robot, T_world_body, q, torque, normals, "torque")
     condition = np.linalg.cond(problem.torque_map)
     if (condition > _SINGULAR).any():
         instant, leg = np.argwhere(condition > _SINGULAR)[0]
         raise InvalidInputError(f"q: leg {leg + 1} is stretched straight at instant {instant}; torques give no force")
     local = np.linalg.solve(problem.torque_map, (tau - problem.torque_free)[..., None])
     return problem.unit * (problem.frames @ local)[..., 0]
+
+
+def torques_from_forces(
+    robot: Robot, T_world_body: ArrayLike, q: ArrayLike, force: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
+) -> Array:
+    """Torques (n, L, 3) [N m] of the joints that hold legs at rest under forces (n, L, 3) [N] of the ground.
+
+    The way back from ``forces_from_torques``, whose arguments and errors it has; a foot in the air has the force 0.
+    """
+    problem, f = _problem(robot, T_world_body, q, force, normals, "force")
+    local = problem.frames.swapaxes(-1, -2) @ f[..., None] / problem.unit
+    return problem.torque_free + (problem.torque_map @ local)[..., 0]
+
+
+def _problem(
+    robot: Robot, T_world_body: ArrayLike, q: ArrayLike, given: ArrayLike, normals: ArrayLike, name: str
+) -> tuple[StaticProblem, Array]:
+    """Statics with all feet on the ground and torques in N m, and the checked values that are given for each leg."""
+    check_robot(robot)
+    T = check_array("T_world_body", T_world_body, (4, 4))
+    shape = (robot.num_legs, 3)
+    angles = check_array("q", q, shape, ("leg", "joint"))
+    values = check_array(name, given, shape, ("leg", "component"))
+    if angles.ndim != 3 or T.shape != (len(angles), 4, 4) or values.shape != angles.shape:
+        shapes = f"T_world_body {T.shape}, q {angles.shape}, {name} {values.shape}"
+        raise InvalidInputError(f"expected shapes (n, 4, 4), (n, {shape[0]}, 3) and (n, {shape[0]}, 3); got {shapes}")
+    every = np.ones(angles.shape[:2], dtype=bool)
+    states = leg_states(robot, angles)
+    return static_problem(robot, T, states, every, normals, friction=0.0, facets=3, torque_unit=1.0), values
 
 
 def internal_forces(points: ArrayLike, force: ArrayLike, carrying: ArrayLike) -> Array:

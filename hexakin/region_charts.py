@@ -1,0 +1,66 @@
+"""Charts of what is possible: forces on feet, regions of the centre of mass, samples that confirm an optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from numpy.typing import ArrayLike
+
+from hexakin.exceptions import InvalidInputError
+from hexakin.figure_style import BLUE, GREEN, GREY, MM, ORANGE, PURPLE, RED
+from hexakin.transforms import check_array
+
+_REGION_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+
+
+def draw_forces(ax: Any, points: ArrayLike, forces: ArrayLike, *, scale: float, colour: str = RED) -> None:
+    """Draw forces (k, d) [N] as arrows that begin at ``points`` (k, d) [m], ``scale`` [m/N] long; d is 2 or 3.
+
+    On axes with three dimensions d is 3. Raises InvalidInputError for shapes that do not fit.
+    """
+    dimensions = 3 if getattr(ax, "name", "") == "3d" else 2
+    start = check_array("points", points, (dimensions,), ("coordinate",))
+    arrow = check_array("forces", forces, (dimensions,), ("coordinate",))
+    if start.ndim != 2 or arrow.shape != start.shape:
+        raise InvalidInputError(f"points, forces: expected shapes (k, {dimensions}), got {start.shape}, {arrow.shape}")
+    long = np.linalg.norm(arrow, axis=1) > 0.0
+    begin, way = MM * start[long], MM * scale * arrow[long]
+    if dimensions == 3:
+        ax.quiver(*begin.T, *way.T, color=colour, lw=1.8, arrow_length_ratio=0.18, zorder=6)
+    else:
+        at: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0}
+        ax.quiver(*begin.T, *way.T, color=colour, width=0.007, zorder=4, **at)
+
+
+def draw_regions(
+    ax: Axes,
+    feet: ArrayLike,
+    regions: Mapping[str, ArrayLike],
+    center_of_mass: ArrayLike,
+    polygon: ArrayLike | None = None,
+) -> None:
+    """Draw regions of the centre of mass seen from above, each labelled for a legend, over the contacts.
+
+    ``feet`` (k, 2 or more) [m]; ``regions`` vertices (m, 2) [m] by name, later ones over earlier ones, with m = 0 for
+    none; ``polygon`` (m, 2) [m] the support polygon, dashed; ``center_of_mass`` (2 or more,) [m].
+    """
+    if polygon is not None:
+        ax.fill(*(MM * np.asarray(polygon)).T, fill=False, edgecolor="k", ls="--", lw=1.2, zorder=4, label="polygon")
+    for colour, (name, vertices) in zip(_REGION_COLOURS, regions.items(), strict=False):
+        corners = MM * np.asarray(vertices, dtype=float).reshape(-1, 2)
+        light = 0.4 * np.array(to_rgb(colour)) + 0.6  # opaque: through one region another's colour would be seen
+        ax.fill(*corners.T, facecolor=light, edgecolor=colour, lw=1.5, zorder=2, label=name)
+    ax.plot(*(MM * np.asarray(feet)[:, :2]).T, "o", color=GREY, mec="k", ms=7, ls="none", zorder=5, label="feet")
+    ax.plot(*(MM * np.asarray(center_of_mass)[:2]), "P", color="k", ms=7, ls="none", zorder=6, label="centre of mass")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+
+
+def draw_samples(ax: Axes, x: ArrayLike, y: ArrayLike, feasible: ArrayLike) -> None:
+    """Draw samples (n,) of a design question: full dots where the motion is possible, crosses where it is not."""
+    across, up, good = np.asarray(x), np.asarray(y), np.asarray(feasible, dtype=bool)
+    ax.plot(across[good], up[good], "o", color=GREEN, ms=4, ls="none", zorder=3, label="sample: possible")
+    ax.plot(across[~good], up[~good], "x", color=RED, ms=4.5, mew=1.2, ls="none", zorder=3, label="sample: impossible")
