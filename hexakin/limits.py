@@ -17,8 +17,9 @@ from scipy.stats import mannwhitneyu, qmc
 
 from hexakin.exceptions import InvalidInputError, SimulationError
 from hexakin.feasibility import Motion, check, commanded_walk
-from hexakin.feasibility.forces import friction_needed, static_problem
+from hexakin.feasibility.forces import friction_needed
 from hexakin.feasibility.legs import leg_states
+from hexakin.feasibility.statics import static_problem
 from hexakin.posture import PostureController
 from hexakin.recording import Recording
 from hexakin.robot import Robot

@@ -5,7 +5,7 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.feasibility import distribute, forces
+from hexakin.feasibility import distribute, programmes, statics
 from hexakin.feasibility.design import best_posture, highest_step, longest_stride, steepest_slope
 from hexakin.feasibility.legs import leg_states
 from hexakin.kinematics import standing_height
@@ -146,11 +146,11 @@ def test_no_sampled_posture_needs_less_torque_than_the_best(athena, degrees):
         if not solution.within_limits.all():
             continue
         T = hk.transforms.pose(tilted(athena, slope), np.zeros(3)) @ T_plane
-        problem = forces.static_problem(
+        problem = statics.static_problem(
             athena, T[None], leg_states(athena, solution.q[None]), np.ones((1, 6), dtype=bool),
             tilted(athena, slope)[:, 2], friction=0.9, facets=16, torque_unit=athena.servo.max_torque,
         )  # fmt: skip
-        share = forces._smallest_torque(problem, 0)
+        share = programmes.smallest_torque(problem, 0)
         best = max(best, -np.inf if share is None else athena.servo.max_torque * (1.0 - share))
     assert 0.9 * found.value < best < found.value + 1e-4
 

@@ -7,7 +7,7 @@ from scipy.optimize import linprog, nnls
 import hexakin as hk
 from hexakin import dynamics
 from hexakin.exceptions import InvalidInputError, SolverError, UnknownNameError
-from hexakin.feasibility import Motion, check, checks, commanded_walk, distribute, forces
+from hexakin.feasibility import Motion, check, checks, commanded_walk, distribute, forces, programmes, statics
 from hexakin.feasibility.legs import leg_states
 
 ROBOTS = ("athena", "athena_physical", "hwr")
@@ -78,7 +78,7 @@ def test_forces_of_1000_stances_hold_the_robot_and_are_optimal(athena):
     height = MU * np.cos(np.pi / FACETS)
     for k in range(n):
         gravity, contact = wrenches(robot, T[k], q[k], normals[k])
-        frames = forces._contact_frames(normals[k])
+        frames = statics.contact_frames(normals[k])
         angle = (2.0 * np.arange(FACETS) + 1.0) * np.pi / FACETS
         facets = np.stack([np.cos(angle), np.sin(angle), np.full(FACETS, -height)], axis=-1)
         legs = np.flatnonzero(carrying[k])
@@ -129,7 +129,7 @@ def test_cost_is_that_of_another_solver_on_another_formulation(athena):
     for k in range(25):
         normals = np.broadcast_to(T[k, :3, 2], (6, 3))
         gravity, contact = wrenches(robot, T[k], q[k], normals)
-        frames = forces._contact_frames(normals)
+        frames = statics.contact_frames(normals)
         spans = weight * np.concatenate([contact[leg].T @ frames[leg] for leg in range(6)], axis=1)
         slope, free = -spans[6:] / limit, gravity[6:] / limit
         rows = np.vstack([spans[:6], np.kron(np.eye(6), facets), slope])
@@ -172,14 +172,14 @@ def test_why_there_are_no_forces_is_named(athena):
 def test_friction_needed_on_a_slope_is_its_tangent(athena, slope):
     tilted = hk.transforms.pose(hk.transforms.axis_rotation([1.0, 0.0, 0.0], np.radians(slope)), np.zeros(3))
     T, q, carrying = standing(athena, tilted)
-    problem = forces.static_problem(
+    problem = statics.static_problem(
         athena, T, leg_states(athena, q), carrying, tilted[:3, 2], friction=0.1, facets=16, torque_unit=1.0
     )
     assert forces.friction_needed(problem)[0] == pytest.approx(np.tan(np.radians(slope)), abs=2e-3)
 
 
 def test_a_failed_solver_is_not_taken_for_infeasible(athena, monkeypatch):
-    optimum = forces._optimum
+    optimum = programmes.optimum
 
     def fails(which):
         def broken(programme, name):
@@ -190,11 +190,11 @@ def test_a_failed_solver_is_not_taken_for_infeasible(athena, monkeypatch):
 
     arguments = standing(athena, np.eye(4), n=3)
     right = distribute(athena, *arguments)
-    monkeypatch.setattr(forces, "_optimum", fails(["daqp"]))
+    monkeypatch.setattr(programmes, "optimum", fails(["daqp"]))
     rescued = distribute(athena, *arguments)
     assert rescued.feasible.all()
     np.testing.assert_allclose(rescued.cost, right.cost, rtol=1e-7)
-    monkeypatch.setattr(forces, "_optimum", fails(["daqp", "piqp"]))
+    monkeypatch.setattr(programmes, "optimum", fails(["daqp", "piqp"]))
     with pytest.raises(SolverError, match="instant 0"):
         distribute(athena, *arguments)
 
@@ -210,10 +210,10 @@ def test_a_robot_that_tips_is_not_said_to_slide_because_its_feet_are_not_quite_i
     """Three feet of one side, a hair's breadth out of line: without a bound on friction they could be wedged."""
     T, q, carrying = standing(athena, np.eye(4), feet=[True, True, False, False, False, True])
     q = q + 1e-3 * np.random.default_rng(5).normal(size=q.shape)
-    problem = forces.static_problem(
+    problem = statics.static_problem(
         athena, T, leg_states(athena, q), carrying, [0.0, 0.0, 1.0], friction=0.9, facets=16, torque_unit=1.0
     )
-    assert forces._smallest_torque(problem, 0, np.array([[0.0, 0.0, -1.0]])) is not None, "wedged"
+    assert programmes.smallest_torque(problem, 0, np.array([[0.0, 0.0, -1.0]])) is not None, "wedged"
     assert distribute(athena, T, q, carrying, max_torque=np.inf).outcome[0] == "support"
 
 

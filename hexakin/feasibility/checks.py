@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from hexakin.dynamics import GRAVITY
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed, static_problem
+from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed
 from hexakin.feasibility.legs import leg_states
 from hexakin.feasibility.motion import Motion, motion_of
+from hexakin.feasibility.statics import static_problem
 from hexakin.kinematics import inverse_kinematics
 from hexakin.leg_curves import LegCurves
 from hexakin.recording import Recording

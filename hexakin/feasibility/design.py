@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from hexakin.dynamics import GRAVITY
 from hexakin.exceptions import SolverError, UnknownNameError
-from hexakin.feasibility.forces import pyramids
 from hexakin.feasibility.legs import leg_constants, leg_function, reach_function
+from hexakin.feasibility.statics import pyramids
 from hexakin.gait import tripod
 from hexakin.kinematics import BRANCH_SIGNS, forward_kinematics, standing_branch, standing_height
 from hexakin.robot import Robot, check_robot

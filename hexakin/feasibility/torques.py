@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility.forces import StaticProblem, static_problem
 from hexakin.feasibility.legs import leg_states
+from hexakin.feasibility.statics import StaticProblem, static_problem
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, check_array
 
