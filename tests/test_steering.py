@@ -1,0 +1,139 @@
+"""Gaits of any duty factor, and walking by velocity commands."""
+
+import numpy as np
+import pytest
+
+import hexakin as hk
+from hexakin.exceptions import HexakinError, InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
+from hexakin.feasibility import commanded_walk
+from hexakin.gait import GAITS, Gait, gait_of, in_groups, wave
+from hexakin.limits import slips
+from hexakin.steering import SteeringController, Twist
+
+PLANE = hk.terrain.Plane()
+
+
+@pytest.mark.parametrize("name", GAITS)
+@pytest.mark.parametrize("robot", ["athena", "hwr"])
+def test_every_leg_of_a_named_gait_swings_once_a_cycle_for_its_share(robot, name):
+    gait = gait_of(hk.load_robot(robot), name)
+    share = gait.swing_share(np.linspace(0.0, 1.0, 1200, endpoint=False))
+    swinging = ~np.isnan(share)
+    np.testing.assert_allclose(swinging.mean(axis=0), 1.0 - gait.duty_factor, atol=2e-3)
+    starts = swinging & ~np.roll(swinging, 1, axis=0)
+    assert (starts.sum(axis=0) == 1).all() and (share[starts] < 0.01).all()
+    assert (6 - swinging.sum(axis=1)).min() == gait.fewest_carrying == {"tripod": 3, "wave": 5}.get(name, 4)
+
+
+def test_swings_of_a_wave_run_from_the_rear_forwards_on_each_side(athena):
+    gait, names = wave(athena), [leg.name for leg in athena.legs]
+    for side in ("left", "right"):
+        times = [gait.offsets[names.index(f"{side} {place}")] for place in ("rear", "middle", "front")]
+        np.testing.assert_allclose(np.mod(np.diff(times), 1.0), 1 / 6)
+
+
+def test_a_wave_of_one_half_has_the_tripods_groups(athena):
+    assert wave(athena, 0.5).groups == hk.gait.tripod(athena).groups
+    assert hk.gait.tripod(athena).has_equal_phases and not hk.gait.ripple(athena).has_equal_phases
+
+
+def test_gaits_that_cannot_be_are_refused_by_name(athena):
+    with pytest.raises(UnknownNameError, match="gallop"):
+        gait_of(athena, "gallop")
+    with pytest.raises(InvalidInputError, match="hop leaves 0 legs"):
+        gait_of(athena, Gait("hop", 0.5, (0.0,) * 6))
+    with pytest.raises(InvalidInputError, match="pace is for 4 legs"):
+        gait_of(athena, in_groups("pace", ((0, 1), (2, 3))))
+    for duty_factor, offsets in ((0.0, (0.0,)), (1.0, (0.0,)), (0.5, (1.0,)), (0.5, (-0.1,)), (0.5, ())):
+        with pytest.raises(InvalidInputError, match="odd"):
+            Gait("odd", duty_factor, offsets)
+
+
+def test_strokes_that_cannot_be_made_are_refused_by_leg(athena):
+    with pytest.raises((UnreachableError, JointLimitError), match="leg"):
+        SteeringController(athena, Twist(0.2, 0.0, 0.0))
+    with pytest.raises((UnreachableError, JointLimitError), match="leg"):
+        SteeringController(athena, Twist(0.0, 0.0, 1.5))
+    with pytest.raises(InvalidInputError, match="twist"):
+        SteeringController(athena, Twist(np.nan, 0.0, 0.0))
+    with pytest.raises(InvalidInputError, match="twist"):
+        SteeringController(athena, "forwards")
+
+
+def walked(robot, controller, cycles, **options):
+    return hk.simulate(
+        robot, PLANE, controller, engine="rigid", time_step=0.002, max_cycles=cycles, duration=60.0, **options
+    )
+
+
+def mean_velocity(recording, cycles, cycle_duration):
+    """Forward, left and turning velocity between two instants a whole number of cycles apart."""
+    start, end = np.searchsorted(recording.time, np.array(cycles) * cycle_duration + 1.0)
+    T = hk.transforms.inverse_pose(recording.T_world_body[start]) @ recording.T_world_body[end]
+    span = recording.time[end] - recording.time[start]
+    forward = recording.forward
+    return np.array([T[:3, 3] @ forward, -T[:3, 3] @ recording.right, np.arctan2(T[1, 0], T[0, 0])]) / span
+
+
+@pytest.mark.parametrize(
+    ("gait", "cycle", "twist"),
+    [
+        ("tripod", 2.0, Twist(0.02, 0.0, 0.0)),
+        ("tetrapod", 2.0, Twist(0.0, -0.02, 0.0)),
+        ("ripple", 3.0, Twist(-0.014, 0.014, 0.0)),
+        ("tripod", 2.0, Twist(0.0, 0.0, 0.12)),
+    ],
+)
+def test_the_body_moves_as_commanded_in_simulation(athena, gait, cycle, twist):
+    recording = walked(athena, SteeringController(athena, twist, gait, cycle_duration=cycle), 6)
+    found = mean_velocity(recording, (2, 5), cycle)
+    np.testing.assert_allclose(found, twist, atol=0.1 * np.abs(twist).max())
+    assert recording.torso_force.max() == 0.0 and np.median(slips(recording)) < 0.005
+
+
+def test_commands_may_change_on_the_way_and_a_stopped_robot_stands_on_all_feet_at_home(athena):
+    def command(time):
+        return Twist(0.02, 0.0, 0.0) if time < 6.0 else Twist(0.0, 0.0, 0.1) if time < 12.0 else Twist()
+
+    controller = SteeringController(athena, command)
+    recording = walked(athena, controller, 12)
+    assert recording.stance[-60:].all(), "nobody swings any more"
+    np.testing.assert_allclose(recording.p_body_foot[-1], controller.home, atol=5e-3)
+    still = recording.T_world_body[-40:, :3, 3]
+    assert np.ptp(still, axis=0).max() < 1e-3
+    plan = commanded_walk(controller, PLANE, num_cycles=12)
+    jumps = np.linalg.norm(np.diff(plan.p_body_foot, axis=0), axis=-1)
+    assert jumps.max() < 0.02, "no foot jumps when the command does"
+
+
+def test_a_robot_that_lies_low_rises_first(athena):
+    controller = SteeringController(athena, rise_duration=2.0, body_height=0.12)
+    recording = walked(athena, controller, 2)
+    assert recording.height[0] < 0.106 and recording.height[-1] == pytest.approx(0.12, abs=3e-3)
+    assert np.diff(recording.height[:40]).max() < 0.002, "without a jerk"
+
+
+def test_rolling_feet_touch_the_ground_at_rest(athena):
+    """A foot's centre moves in the world while it rolls; the point that touches does not."""
+    from hexakin.kinematics import joint_axes
+
+    controller = SteeringController(athena, Twist(0.0, 0.02, 0.0), rise_duration=0.0)
+    plan = commanded_walk(controller, PLANE, num_cycles=4)
+    at = slice(130, 139)  # stance of legs 2, 4, 6
+    legs = np.flatnonzero(plan.carrying[at].all(axis=0))
+    assert len(legs) == 3
+    dt = plan.time[1] - plan.time[0]
+    for k in range(at.start, at.stop - 1):
+        q = 0.5 * (plan.q[k] + plan.q[k + 1])
+        rate = (plan.q[k + 1] - plan.q[k]) / dt
+        spin = np.einsum("lij,lj->li", joint_axes(athena, q), rate)
+        lever = np.array([0.0, 0.0, -athena.foot_radius])
+        touching = np.einsum("lij,lj->li", hk.jacobian(athena, q), rate) + np.cross(spin, lever)
+        wanted = controller.velocity(controller.twist, hk.forward_kinematics(athena, q) + lever)
+        np.testing.assert_allclose(touching[legs], wanted[legs], atol=2e-5)
+
+
+@pytest.mark.parametrize("name", ["cycle_duration", "apex", "body_height", "response", "rise_duration"])
+def test_parameters_out_of_range_are_named(athena, name):
+    with pytest.raises(HexakinError, match=name):
+        SteeringController(athena, **{name: -1.0})
