@@ -35,6 +35,7 @@ from hexakin.figure_style import (
     save_pdf,
     use_style,
 )
+from hexakin.gait_charts import draw_gait
 from hexakin.kinematics import forward_kinematics, segment_poses
 from hexakin.region_charts import draw_forces, draw_regions, draw_samples
 from hexakin.robot import SEGMENT_NAMES, Robot
@@ -61,6 +62,7 @@ __all__ = [
     "draw_boxes",
     "draw_forces",
     "draw_frame",
+    "draw_gait",
     "draw_joint_angles",
     "draw_plan",
     "draw_plane",

@@ -17,6 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from hexakin import figures
 from hexakin.block_faces import BlockFaces, SolidFaces, eye_of
 from hexakin.exceptions import InvalidInputError
+from hexakin.gait import GAITS
 from hexakin.occlusion import cut_hidden, hiding_planes
 from hexakin.simulation import starting_pose
 from hexakin.terrain import Blocks, Box, HalfSpace, Plane, Ramp
@@ -462,3 +463,17 @@ def test_samples_tell_what_is_possible_by_shape_as_well_as_by_colour(ax):
     np.testing.assert_allclose(possible.get_xydata(), [[1.0, 4.0], [3.0, 6.0]])
     np.testing.assert_allclose(impossible.get_xydata(), [[2.0, 5.0]])
     assert possible.get_marker() != impossible.get_marker()
+
+
+@pytest.mark.parametrize("name", ["tripod", "ripple", "wave"])
+def test_a_gait_diagram_shows_each_foot_on_the_ground_for_its_share_of_time(athena, name):
+    gait = GAITS[name](athena)
+    _, ax = plt.subplots()
+    figures.draw_gait(ax, gait, [leg.name for leg in athena.legs], cycles=3.0)
+    shown = np.zeros(6)
+    for bar in ax.patches:
+        shown[round(bar.get_y() + 0.5 * bar.get_height())] += bar.get_width()
+        middle = bar.get_x() + 0.5 * bar.get_width()
+        assert np.isnan(gait.swing_share(middle)[round(bar.get_y() + 0.5 * bar.get_height())])
+    np.testing.assert_allclose(shown, 3.0 * gait.duty_factor, atol=1e-9)
+    plt.close("all")
