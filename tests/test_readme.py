@@ -108,3 +108,24 @@ def test_the_readmes_study_runs_and_goes_on(tmp_path, monkeypatch, capsys):
 def test_the_studies_that_the_readme_names_exist():
     names = re.findall(r"^python -m hexakin study (\w+)", README, re.MULTILINE)
     assert names and set(names) <= {*studies.STUDIES, "all"}
+
+
+def test_what_the_readme_says_of_the_grid_and_of_foresight_is_in_the_results():
+    from hexakin import limits
+    from hexakin.factorial import cells, variance_shares
+
+    said = " ".join(README.split())
+    grid = studies.results("ramp_grid")[0]
+    names = ["k_z", "k_alpha", "k_beta"]
+    shares = {
+        measure: variance_shares(cells(grid, measure, names), names)
+        for measure in ("height_median", "pitch_rate_median", "roll_rate_median")
+    }
+    height = 100 * shares["height_median"]["k_z"]
+    start = 100 * min(shares[rate]["repeats"] for rate in ("pitch_rate_median", "roll_rate_median"))
+    assert f"$k_z$ explains {height:.1f} % of the height's variance, and the start {start:.0f} % of the rates'" in said
+    walks = studies.results("ramp_limits")[0]
+    walks = walks[walks.engine == "rigid"]
+    skill = limits.foresight(walks, limits.failures(walks))
+    assert f"Of {len(walks)} walks" in said and f"foretold {100 * skill.right['feasible']:.0f} % rightly" in said
+    assert f"missed {100 * skill.missed['margin_polygon']:.0f} % of the failures" in said
