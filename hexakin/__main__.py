@@ -1,6 +1,7 @@
 """Command line.
 
 ``python -m hexakin study NAME`` makes a study, or goes on with one that was interrupted.
+``python -m hexakin robot FILE`` checks a robot's file and says what follows from it; ``--schema`` prints its fields.
 ``python -m hexakin statements`` prints every statement of paper A beside what the committed results say.
 """
 
@@ -30,10 +31,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study.add_argument("--jobs", type=int, help="processes (default: one for each core)")
     study.add_argument("--restart", action="store_true", help="set earlier results aside and begin anew")
     study.add_argument("--quiet", action="store_true", help="show no progress")
+    robot = commands.add_parser("robot", help="check a robot's file and sum it up", description=_ROBOT)
+    robot.add_argument(
+        "file", nargs="?", metavar="FILE", help="a YAML file, or a shipped robot's name; none lists them"
+    )
+    robot.add_argument("--schema", action="store_true", help="print every field of a robot's file, and an example")
     commands.add_parser("statements", help="print paper A's statements beside what was found, as in the README")
     options = parser.parse_args(arguments)
     try:
-        return _study(options) if options.command == "study" else _statements()
+        return {"study": _study, "robot": _robot, "statements": _statements}[options.command](options)
     except HexakinError as error:
         print(f"hexakin: {error}", file=sys.stderr)
         return 1
@@ -68,7 +74,29 @@ def _study(options: argparse.Namespace) -> int:
     return 0
 
 
-def _statements() -> int:
+_ROBOT = """Check a robot's file: an error names the field, its value and what was expected (exit code 1). Of a robot
+that is possible (0) a summary is printed: masses, inertias, reach, standing pose, limits, remarks on what is unusual.
+--schema documents the file."""
+
+
+def _robot(options: argparse.Namespace) -> int:
+    from hexakin.robot_file import load_robot, robot_names
+
+    if options.schema:
+        from hexakin.robot_page import page
+
+        print(page(), end="")
+    elif options.file is None:
+        print(*robot_names(), sep="\n")
+    else:
+        robot = load_robot(options.file)
+        from hexakin.robot_summary import summary
+
+        print(summary(robot), end="")
+    return 0
+
+
+def _statements(_: argparse.Namespace) -> int:
     from hexakin import studies
 
     print(studies.statements_table(), end="")

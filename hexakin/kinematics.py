@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from functools import lru_cache
-from types import ModuleType, SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin import numerical_inverse
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.generated import MODULES
-from hexakin.robot import LegTable, Robot, check_robot
-from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points
+from hexakin.leg_functions import closed_form, leg_functions, reach
+from hexakin.robot import Robot, check_robot
+from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points, wrapped
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 """Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
@@ -34,6 +33,9 @@ class InverseSolution:
     ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
     branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` (..., L) or
     (..., L, 4) [m] from the leg's second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
+
+    ``numerical`` is true for a leg whose inverse is not known in closed form. Its branches are then the solutions that
+    were found, ordered by their largest angle's difference from the standing pose: 0 is the nearest to it.
     """
 
     q: Array
@@ -42,19 +44,7 @@ class InverseSolution:
     branch: NDArray[np.int_]
     distance: Array
     reach: Array
-
-
-@lru_cache(maxsize=64)
-def _code(table: LegTable) -> ModuleType | SimpleNamespace:
-    """Numeric functions of a leg type: prepared ones if there are, else derived now."""
-    module = MODULES.get(table.type_key)
-    if module is not None:
-        return importlib.import_module(f"hexakin.generated.{module}")
-    from hexakin.symbolic import generate
-
-    namespace: dict[str, Any] = {}
-    exec(compile(generate(table), f"<leg type {table.type_key}>", "exec"), namespace)  # our own generated source
-    return SimpleNamespace(**{name: namespace[name] for name in ("forward", "jacobian", "inverse")})
+    numerical: bool = False
 
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
@@ -65,7 +55,7 @@ def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     """
     check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return _code(robot.table).forward(robot.parameters, angles)
+    return leg_functions(robot.table).forward(robot.parameters, angles)
 
 
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
@@ -75,7 +65,7 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
     """
     check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return _code(robot.table).jacobian(robot.parameters, angles)
+    return leg_functions(robot.table).jacobian(robot.parameters, angles)
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
@@ -95,10 +85,11 @@ def inverse_kinematics(
 
     The branch is that of the standing pose, or the one nearest to the angles ``near`` (..., L, 3), or
     all four with ``branch="all"``. A foot on the first joint's axis leaves its first angle free: 0 is
-    returned. With ``on_unreachable="raise"`` the first unreachable foot raises UnreachableError, which
-    names leg, distance and reach; otherwise ``reachable`` says which are not, and their angles are NaN.
-    Raises InvalidInputError for a wrong shape or a position that is not finite, and UnknownNameError
-    for an unknown option.
+    returned. A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached
+    if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable
+    foot raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are
+    not, and their angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
+    UnknownNameError for an unknown option.
     """
     check_robot(robot)
     foot = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
@@ -114,9 +105,12 @@ def inverse_kinematics(
             foot, hint = np.broadcast_arrays(foot, hint)
         except ValueError as error:
             raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
-        solution = _nearest(_solve(robot, foot[..., None, :], BRANCH_SIGNS), hint)
+        solution = _nearest(_every(robot, foot), hint)
     elif branch == "all":
-        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS)
+        solution = _every(robot, foot)
+    elif not closed_form(robot.table):
+        first = np.zeros(foot.shape[:-1], dtype=int)
+        solution = _pick(_every(robot, foot), first, first)
     else:
         index = standing_branch(robot)
         solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index][:, None, :])
@@ -138,15 +132,17 @@ def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLik
     feet = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
     if feet.ndim != 3 or len(feet) == 0:
         raise InvalidInputError(f"p_body_foot: expected shape (n, {robot.num_legs}, 3) with n > 0, got {feet.shape}")
-    if near is None:
+    if near is None and closed_form(robot.table):
         standing = inverse_kinematics(robot, feet)
         if standing.within_limits.all():
             return standing
     start = robot.standing_q if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
     if start.ndim != 2:
         raise InvalidInputError(f"near: expected shape ({robot.num_legs}, 3), got {start.shape}")
-    every = _solve(robot, feet[..., None, :], BRANCH_SIGNS)
-    change = np.nan_to_num(np.abs(_wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
+    every = _every(robot, feet)
+    if every.numerical:
+        return _followed(every, start)
+    change = np.nan_to_num(np.abs(wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
     # By samples reached, then limits, then distance from the start.
     order = np.lexsort((change, ~every.within_limits.all(axis=0), -every.reachable.sum(axis=0)), axis=-1)
     chosen = np.broadcast_to(order[:, 0], feet.shape[:-1])
@@ -173,8 +169,8 @@ def posed_inverse_kinematics(
 def standing_branch(robot: Robot) -> NDArray[np.int_]:
     """Index (L,) into ``BRANCH_SIGNS`` of the branch that holds each leg's standing pose."""
     feet = forward_kinematics(robot, robot.standing_q)
-    every = _solve(robot, feet[:, None, :], BRANCH_SIGNS)
-    change = np.abs(_wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
+    every = _every(robot, feet)
+    change = np.abs(wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
     index = np.argmin(np.where(every.reachable, change, np.inf), axis=-1)
     index.setflags(write=False)
     return index
@@ -220,11 +216,6 @@ def joint_axes(robot: Robot, q: ArrayLike) -> Array:
     return result
 
 
-def _wrapped(angle: Array) -> Array:
-    """Angles in (-pi, pi]."""
-    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-
-
 def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
     # Branches, if any, stand between the legs and the joints.
     extra = (slice(None), *[None] * branches, slice(None))
@@ -232,17 +223,46 @@ def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
     return np.all((q >= low - _LIMIT_TOLERANCE) & (q <= high + _LIMIT_TOLERANCE), axis=-1)
 
 
+def _every(robot: Robot, foot: Array) -> InverseSolution:
+    """All four branches for feet (..., L, 3)."""
+    if closed_form(robot.table):
+        return _solve(robot, foot[..., None, :], BRANCH_SIGNS)
+    found = numerical_inverse.solve(robot, foot)
+    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
+    q = middle + wrapped(found.q - middle)
+    shape = q.shape[:-1]
+    distance = np.broadcast_to(found.distance[..., None], shape)
+    bounds = np.broadcast_to(reach(robot)[:, None, :], (*shape, 2))
+    indices = np.broadcast_to(np.arange(shape[-1]), shape)
+    flags = np.asarray(np.isfinite(q).all(axis=-1)), _inside(robot, q, branches=1)
+    return InverseSolution(q, *flags, indices, distance, bounds, numerical=True)
+
+
+def _followed(every: InverseSolution, start: Array) -> InverseSolution:
+    """Along a path (n, L, 4): at each sample the solution nearest to that of the sample before."""
+    chosen = np.zeros(every.reachable.shape[:-1], dtype=int)
+    legs = np.arange(len(start))
+    for k in range(len(chosen)):
+        change = np.abs(wrapped(every.q[k] - start[:, None, :])).max(axis=-1)
+        chosen[k] = np.argmin(np.where(every.reachable[k], change, np.inf), axis=-1)
+        here = every.q[k, legs, chosen[k]]
+        start = np.where(np.isfinite(here), here, start)
+    return _pick(every, chosen, chosen)
+
+
 def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolution:
     """Solve every branch in ``signs`` (b, 2) or (L, b, 2) for feet (..., L, 1, 3)."""
     p = robot.parameters[:, None, :]
-    angles, clearance, outer, inner, distance, reach = _code(robot.table).inverse(p, foot, signs[..., 0], signs[..., 1])
+    angles, clearance, outer, inner, distance, reach = leg_functions(robot.table).inverse(
+        p, foot, signs[..., 0], signs[..., 1]
+    )
     shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, signs.shape[-2]))
     bounds = np.stack([np.broadcast_to(bound, shape) for bound in reach], axis=-1)
     tolerance = _REACH_TOLERANCE * bounds[..., 1] ** 2
     reachable = np.broadcast_to((clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance), shape)
     # Each angle within half a turn of the middle of its limits, so that no range is cut at +-pi.
     middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
-    q = middle + _wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1) - middle)
+    q = middle + wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1) - middle)
     q = np.where(reachable[..., None], q, np.nan)
     indices = np.broadcast_to(np.arange(signs.shape[-2]), shape)
     return InverseSolution(
@@ -257,11 +277,12 @@ def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray
         return np.take_along_axis(values, index, axis=position.ndim).squeeze(axis=position.ndim)
 
     s = solution
-    return InverseSolution(take(s.q), take(s.reachable), take(s.within_limits), branch, take(s.distance), take(s.reach))
+    taken = (take(s.q), take(s.reachable), take(s.within_limits), branch, take(s.distance), take(s.reach))
+    return InverseSolution(*taken, numerical=s.numerical)
 
 
 def _nearest(solution: InverseSolution, near: Array) -> InverseSolution:
-    change = np.abs(_wrapped(solution.q - near[..., None, :])).max(axis=-1)
+    change = np.abs(wrapped(solution.q - near[..., None, :])).max(axis=-1)
     # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
     position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
     return _pick(solution, position, position)

@@ -1,13 +1,68 @@
-"""The fields of a robot description, checked by pydantic; ``robot_file`` reads and builds with them."""
+"""The fields of a robot description: what each means, its unit, its bounds, an example. Checked by pydantic.
+
+This is the one place that says so: ``robot_file`` checks files with these models, ``robot_page`` prints them.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from hexakin.robot import NUM_JOINTS, pi_multiple
+
+
+class FieldError(Exception):
+    """A field's value is impossible; the message starts with the field's path."""
+
+
+class Bounds(NamedTuple):
+    """What a value may be, ``low`` to ``high`` in ``unit``, and why: beyond, a unit has gone wrong."""
+
+    low: float
+    high: float
+    unit: str
+    why: str
+
+    def outside(self, value: float) -> bool:
+        """Whether a value is not within the bounds; of a number that is not finite it is true."""
+        return not self.low <= value <= self.high
+
+    def hint(self, key: str, value: float) -> str:
+        """Say what to try, for a value that is outside and was written in the file under ``key``."""
+        suffix = {"m": "_mm", "rad": "_deg"}.get(self.unit)
+        if suffix and abs(value) > self.high and not key.endswith(suffix):
+            return f"{key} is in {self.unit}; did you mean {key}{suffix}?"
+        if suffix and abs(value) < self.low and key.endswith(suffix):
+            return f"{key} is in {suffix[1:]}; did you mean {key.removesuffix(suffix)}, in {self.unit}?"
+        return "are the units right?"
+
+
+# The lightest walking machines weigh a third of a gram and are 2 cm long (HAMR-Jr, ICRA 2020), the heaviest some
+# tonnes and 5 m (the Adaptive Suspension Vehicle, Song and Waldron 1989): bounds lie well beyond both.
+MASS = Bounds(1e-6, 1e5, "kg", "from a micro-robot's limb to beyond any walking machine")
+EDGE = Bounds(1e-5, 20.0, "m", "from a foil to beyond any walking machine")
+LENGTH = Bounds(1e-3, 10.0, "m", "from a micro-robot's leg to beyond any walking machine's")
+OFFSET = Bounds(-10.0, 10.0, "m", "beyond any walking machine")
+RADIUS = Bounds(0.0, 5.0, "m", "beyond any walking machine's foot")
+ANGLE = Bounds(-4.0 * math.pi, 4.0 * math.pi, "rad", "two turns either way; more is meant in degrees")
+MOMENT = Bounds(1e-20, 1e8, "kg m^2", "100 t of 20 m and more; bodies are also held against their boxes")
+PRODUCT = Bounds(-1e8, 1e8, "kg m^2", "as the moments")
+TORQUE = Bounds(1e-6, 1e5, "N m", "from a micro-robot's actuator to beyond an excavator's")
+RATE = Bounds(0.1, 1e4, "1/s", "a lag from 10 s to 0.1 ms")
+SPEED = Bounds(1e-2, 1e3, "rad/s", "from a turn in ten minutes to 10000 turns a minute")
+MAX_LEGS, MAX_ROWS = 64, 8
+
+
+def _field(
+    description: str, example: Any, *, bounds: Bounds | None = None, assumed: str | None = None, **more: Any
+) -> Any:
+    """Describe a field; ``assumed`` says what holds without it and makes it optional, with ``default`` in ``more``."""
+    extra: Any = {"bounds": bounds, "assumed": assumed}
+    return Field(description=description, examples=[example], json_schema_extra=extra, **more)
 
 
 def _angle(value: Any) -> Any:
@@ -23,6 +78,7 @@ def _entry(value: str | int) -> str | int:
     return value
 
 
+_Text = Annotated[str, Field(min_length=1, max_length=200)]
 _Number = Annotated[float, BeforeValidator(_angle), Field(allow_inf_nan=False, strict=True)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False, strict=True)]
 _Vector = Annotated[list[_Number], Field(min_length=3, max_length=3)]
@@ -31,90 +87,190 @@ _Limits = Annotated[list[_Number], Field(min_length=2, max_length=2)]
 _Entry = Annotated[str | int, AfterValidator(_entry)]
 
 
-class _Fields(BaseModel):
+class Fields(BaseModel):
     """Unknown fields are errors: they are misspelt ones."""
 
     model_config = ConfigDict(extra="forbid")
 
-
-class InertiaFields(_Fields):
-    """Entries of the inertia tensor about the centre of mass [kg m^2]."""
-
-    xx: _Positive
-    yy: _Positive
-    zz: _Positive
-    xy: _Number = 0.0
-    yz: _Number = 0.0
-    xz: _Number = 0.0
-
-
-class BodyFields(_Fields):
-    """The torso or a segment."""
-
-    mass: _Positive
-    size: _PositiveVector
-    inertia: InertiaFields
-    center_of_mass: _Vector | None = None
+    @field_validator("*")
+    @classmethod
+    def _within_bounds(cls, given: Any, info: ValidationInfo) -> Any:
+        extra: Any = cls.model_fields[str(info.field_name)].json_schema_extra or {}
+        bounds = extra.get("bounds")
+        for at, value in _numbers(given) if bounds else ():
+            if bounds.outside(value):
+                about = {"at": at, "number": f"{value:g}", "value": value, "bounds": bounds}
+                expected = f"expected {bounds.low:g} to {bounds.high:g}"
+                raise PydanticCustomError("bounds", "{number} " + f"{bounds.unit}, {expected}", about)
+        return given
 
 
-class _FootFields(_Fields):
-    """A spherical foot; radius 0 is a point foot, good for kinematics only."""
-
-    mass: _Positive
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False, strict=True)]
-    inertia: InertiaFields
-
-
-class _RowFields(_Fields):
-    theta: _Entry
-    d: _Entry
-    a: _Entry
-    alpha: _Entry
+def _numbers(given: Any, at: str = "") -> Iterator[tuple[str, float]]:
+    """Each number in a value, with the names on the way to it."""
+    if isinstance(given, dict):
+        for name, item in given.items():
+            yield from _numbers(item, f"{at}.{name}")
+    elif isinstance(given, list):
+        for item in given:
+            yield from _numbers(item, at)
+    elif given is not None:
+        yield at, given
 
 
-class _TableFields(_Fields):
-    """The Denavit-Hartenberg table that all legs share."""
+class InertiaFields(Fields):
+    """Entries of an inertia tensor."""
 
-    convention: Literal["classical", "modified"]
-    joints: Annotated[list[str], Field(min_length=NUM_JOINTS, max_length=NUM_JOINTS)]
-    rows: Annotated[list[_RowFields], Field(min_length=NUM_JOINTS)]
-    mount: Annotated[list[_Entry], Field(min_length=3, max_length=3)] | None = None
-    parameters: dict[str, _Number] = {}
-
-
-class _LegFields(_Fields):
-    """What is a leg's own; its limits and standing angles override the file's."""
-
-    name: str
-    parameters: dict[str, _Number] = {}
-    joint_limits: dict[str, _Limits] = {}
-    standing: dict[str, _Number] = {}
+    xx: _Positive = _field("Moment about x.", 2.52e-3, bounds=MOMENT)
+    yy: _Positive = _field("Moment about y.", 1.02e-3, bounds=MOMENT)
+    zz: _Positive = _field("Moment about z.", 3.17e-3, bounds=MOMENT)
+    xy: _Number = _field(
+        "Entry of the tensor, minus the integral of x y dm.", 0.0, bounds=PRODUCT, assumed="0", default=0.0
+    )
+    yz: _Number = _field("Likewise.", 0.0, bounds=PRODUCT, assumed="0", default=0.0)
+    xz: _Number = _field("Likewise.", 0.0, bounds=PRODUCT, assumed="0", default=0.0)
 
 
-class _ServoFields(_Fields):
-    max_torque: _Positive
-    rate: _Positive
-    max_speed: _Positive | None = None
+class BodyFields(Fields):
+    """The torso, in the body frame (z up), or a segment, in its own: origin at its joint, x towards the next."""
+
+    mass: _Positive = _field("Mass.", 0.7, bounds=MASS)
+    size: _PositiveVector = _field(
+        "Edges [x, y, z] of its box, which stands around the centre of mass: what touches the ground or a block.",
+        [0.12, 0.2, 0.056],
+        bounds=EDGE,
+    )
+    inertia: InertiaFields = _field("Inertia tensor about the centre of mass, in the body's axes.", None)
+    center_of_mass: _Vector | None = _field(
+        "Centre of mass [x, y, z].", [0.0, 0.0, 0.0], bounds=OFFSET, default=None,
+        assumed="of the torso the body's origin; of a segment half-way to the next joint, if all legs are as long",
+    )  # fmt: skip
 
 
-class _SegmentsFields(_Fields):
-    coxa: BodyFields
-    femur: BodyFields
-    tibia: BodyFields
+class FootFields(Fields):
+    """The foot, a sphere about the end of the leg table, fixed to the tibia."""
+
+    mass: _Positive = _field("Mass.", 0.009, bounds=MASS)
+    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False, strict=True)] = _field(
+        "Radius; 0 is a point, good for kinematics only.", 0.02, bounds=RADIUS
+    )
+    inertia: InertiaFields = _field("Inertia tensor about the sphere's centre.", None)
 
 
-class RobotFields(_Fields):
+class RowFields(Fields):
+    """One row; an entry is 0, a multiple of pi such as pi/2, or the name of a joint or parameter."""
+
+    theta: _Entry = _field("Turn about z.", "theta_2")
+    d: _Entry = _field("Shift along z.", 0)
+    a: _Entry = _field("Shift along x.", "l_2")
+    alpha: _Entry = _field("Turn about x.", "pi/2")
+
+
+_ROWS = [
+    {"theta": "theta_1", "d": 0, "a": "l_1", "alpha": 0},
+    {"theta": "theta_2", "d": 0, "a": "l_2", "alpha": "pi/2"},
+    {"theta": "theta_3", "d": 0, "a": "l_3", "alpha": 0},
+    {"theta": "theta_4", "d": 0, "a": "l_4", "alpha": 0},
+]
+
+
+class TableFields(Fields):
+    """The Denavit-Hartenberg table that all legs share, from the body frame to the centre of the foot."""
+
+    convention: Literal["classical", "modified"] = _field(
+        "classical: Rz(theta) Tz(d) Tx(a) Rx(alpha) per row; modified (Khalil's): Rx(alpha) Tx(a) Rz(theta) Tz(d).",
+        "classical",
+    )
+    joints: Annotated[list[str], Field(min_length=NUM_JOINTS, max_length=NUM_JOINTS)] = _field(
+        "Which three of the theta entries move, from the body outwards.", ["theta_2", "theta_3", "theta_4"]
+    )
+    rows: Annotated[list[RowFields], Field(min_length=NUM_JOINTS, max_length=MAX_ROWS)] = _field(
+        "The rows, each with theta, d, a and alpha.", _ROWS
+    )
+    mount: Annotated[list[_Entry], Field(min_length=3, max_length=3)] | None = _field(
+        "Place [x, y, z] of the first frame in the body frame: 0 or names.", ["x_0", "y_0", 0], default=None,
+        assumed="the body frame itself",
+    )  # fmt: skip
+    parameters: dict[str, _Number] = _field(
+        "Values by name, for all legs: lengths in m and angles in rad.", {"l_2_mm": 64, "l_3_mm": 80, "l_4_mm": 84},
+        default={}, assumed="none; each leg then gives its own",
+    )  # fmt: skip
+
+
+class LegFields(Fields):
+    """What is a leg's own."""
+
+    name: _Text = _field("What it is called; the legs' names differ.", "right middle")
+    parameters: dict[str, _Number] = _field(
+        "Values of the table's names that are this leg's own.", {"theta_1": 0, "l_1_mm": 60}, default={}, assumed="none"
+    )
+    joint_limits: dict[str, _Limits] = _field(
+        "Limits that are this leg's own.",
+        {"theta_2": [-0.5, 0.5]},
+        bounds=ANGLE,
+        default={},
+        assumed="joint_limits below",
+    )
+    standing: dict[str, _Number] = _field(
+        "Standing angles that are this leg's own.", {"theta_2": 0.1}, bounds=ANGLE, default={}, assumed="standing below"
+    )
+
+
+class ServoFields(Fields):
+    """All servos are alike: each drives its joint at rate * (command - angle), with at most max_torque."""
+
+    max_torque: _Positive = _field("Largest torque.", 1.89, bounds=TORQUE)
+    rate: _Positive = _field("Speed per angle of lag; its inverse is the time constant.", 20.0, bounds=RATE)
+    max_speed: _Positive | None = _field(
+        "Largest speed, for checks of feasibility.", 6.5, bounds=SPEED, default=None, assumed="not known, not checked"
+    )
+
+
+def _body(mass: float, length: float, axial: float, across: float) -> dict[str, Any]:
+    return {"mass": mass, "size": [length, 0.04, 0.04], "inertia": {"xx": axial, "yy": across, "zz": across}}
+
+
+class SegmentsFields(Fields):
+    """Three for every leg."""
+
+    coxa: BodyFields = _field("Between the first and the second joint.", _body(0.081, 0.064, 2.16e-5, 3.84e-5))
+    femur: BodyFields = _field("Between the second and the third joint.", _body(0.136, 0.080, 3.63e-5, 9.07e-5))
+    tibia: BodyFields = _field("From the third joint to the foot, without it.", _body(0.013, 0.084, 3.47e-6, 9.38e-6))
+
+
+_FOOT = {"mass": 0.009, "radius": 0.02, "inertia": {"xx": 1.44e-6, "yy": 1.44e-6, "zz": 1.44e-6}}
+_CORNER = {"l_1_mm": 116.6}
+_LEGS = [
+    {"name": "right middle", "parameters": {"theta_1": 0, "l_1_mm": 60}},
+    {"name": "right front", "parameters": {"theta_1_deg": 59, **_CORNER}},
+    {"name": "left front", "parameters": {"theta_1_deg": 121, **_CORNER}},
+    {"name": "left middle", "parameters": {"theta_1": "pi", "l_1_mm": 60}},
+    {"name": "left rear", "parameters": {"theta_1_deg": 239, **_CORNER}},
+    {"name": "right rear", "parameters": {"theta_1_deg": -59, **_CORNER}},
+]
+
+
+class RobotFields(Fields):
     """A whole file."""
 
-    name: str
-    reference: str = ""
-    num_legs: Annotated[int, Field(ge=1, strict=True)]
-    forward: _Vector
-    torso: BodyFields
-    leg_table: _TableFields
-    legs: list[_LegFields]
-    segments: _SegmentsFields
-    foot: _FootFields
-    joint_limits: dict[str, _Limits] = {}
-    standing: dict[str, _Number] = {}
-    servo: _ServoFields
+    name: _Text = _field("What the robot is called.", "mine")
+    reference: str = _field("Where the robot is described.", "Doe 2024", default="", assumed="nothing")
+    num_legs: Annotated[int, Field(ge=1, le=MAX_LEGS, strict=True)] = _field("Number of legs.", 6)
+    forward: _Vector = _field("Direction of walking in the body frame: a horizontal unit vector.", [0, 1, 0])
+    torso: BodyFields = _field("The body that carries the legs; its frame is the body frame, z up.", None)
+    leg_table: TableFields = _field("The legs' kinematics.", None)
+    legs: Annotated[list[LegFields], Field(max_length=MAX_LEGS)] = _field(
+        "num_legs of them, around the body: tripod gait swings the first, third and fifth together.", _LEGS
+    )
+    segments: SegmentsFields = _field("The legs' segments, alike in all legs.", None)
+    foot: FootFields = _field("The legs' feet, alike in all legs.", _FOOT)
+    joint_limits: dict[str, _Limits] = _field(
+        "Lower and upper limit of each joint.",
+        {"theta_2": [-0.6, 0.6], "theta_3": [-1.5, 1.5], "theta_4_deg": [-150, 85]},
+        bounds=ANGLE, default={}, assumed="none; each leg then gives its own",
+    )  # fmt: skip
+    standing: dict[str, _Number] = _field(
+        "Angle of each joint in the standing pose, within its limits.",
+        {"theta_2": 0, "theta_3": 0, "theta_4": "-pi/2"},
+        bounds=ANGLE, default={}, assumed="none; each leg then gives its own",
+    )  # fmt: skip
+    servo: ServoFields = _field("The servos of all joints.", None)

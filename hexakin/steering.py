@@ -108,7 +108,7 @@ class SteeringController:
     def parameters(self) -> dict[str, Any]:
         """Every parameter but the robot, by name."""
         gait = self._gait
-        twist = repr(self.twist) if callable(self.twist) else self.twist._asdict()
+        twist = getattr(self.twist, "__qualname__", "a function") if callable(self.twist) else self.twist._asdict()
         named = {"gait": gait.name, "duty_factor": gait.duty_factor, "offsets": list(gait.offsets), "twist": twist}
         rest = ("cycle_duration", "apex", "body_height", "response", "rise_duration")
         return {**named, **{name: getattr(self, name) for name in rest}}

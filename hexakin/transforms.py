@@ -140,3 +140,8 @@ def transform_points(T_target_source: ArrayLike, p_source: ArrayLike) -> Array:
     """Points (..., k, 3) given in ``source``, expressed in ``target``, for poses (..., 4, 4)."""
     T = np.asarray(T_target_source, dtype=float)
     return np.asarray(p_source, dtype=float) @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
+
+
+def wrapped(angle: ArrayLike) -> Array:
+    """Angles [rad] in (-pi, pi]."""
+    return np.pi - np.mod(np.pi - np.asarray(angle, dtype=float), 2.0 * np.pi)

@@ -11,7 +11,7 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.transforms import pose, rpy_rotation
 
 
-@pytest.fixture(params=["athena", "athena_physical", "hwr"])
+@pytest.fixture(params=["athena", "athena_physical", "hwr", "phantomx"])
 def robot(request):
     return hk.load_robot(request.param)
 

@@ -10,6 +10,7 @@ import pytest
 from hexakin import journal
 from hexakin.__main__ import main
 from hexakin.exceptions import StudyError
+from hexakin.robot_file import DATA
 from hexakin.studies import STUDIES
 from hexakin.study import run
 
@@ -108,8 +109,33 @@ def test_no_study_is_run_if_one_of_the_names_is_wrong(here, capsys):
     assert not (here / "calls.log").exists() and not (here / "results").exists()
 
 
+def test_a_robots_file_is_checked_and_summed_up(tmp_path, capsys):
+    assert main(["robot"]) == 0
+    names = capsys.readouterr().out.split()
+    assert {"athena", "hwr", "phantomx"} <= set(names)
+    for name in names:
+        assert main(["robot", name]) == 0
+        out, err = capsys.readouterr()
+        assert out.startswith(f"{name}: 6 legs, ") and "inverse kinematics: in closed form" in out and err == ""
+    path = tmp_path / "mine.yaml"
+    path.write_text((DATA / "robots" / "phantomx.yaml").read_text().replace("mass: {value: 0.976", "mass: {value: 976"))
+    assert main(["robot", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert out == "" and err.startswith(f"hexakin: {path}: torso.mass: 976 kg in a box of 0.25 x 0.125 x 0.04 m")
+    assert main(["robot", "phantom"]) == 1
+    assert "unknown robot 'phantom'; known: athena, " in capsys.readouterr().err
+
+
+def test_the_schema_that_is_printed_ends_in_a_file_that_loads(tmp_path, capsys):
+    assert main(["robot", "--schema"]) == 0
+    path = tmp_path / "mine.yaml"
+    path.write_text(capsys.readouterr().out.split("An example, which loads as it is:\n")[1])
+    assert main(["robot", str(path)]) == 0
+    assert capsys.readouterr().out.startswith("mine: 6 legs, 2.134 kg\n")
+
+
 def test_a_wrong_call_is_explained(capsys):
-    for arguments in ([], ["study", "--jobs", "many"], ["sutdy"]):
+    for arguments in ([], ["study", "--jobs", "many"], ["sutdy"], ["robot", "athena", "hwr"]):
         with pytest.raises(SystemExit, match="2"):
             main(arguments)
         assert "usage: python -m hexakin" in capsys.readouterr().err

@@ -1,0 +1,145 @@
+"""A robot in a page of text: what its description says, what follows from it, and what is unusual about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hexakin.kinematics import forward_kinematics, standing_height
+from hexakin.leg_functions import closed_form, reach
+from hexakin.robot import SEGMENT_NAMES, Body, Robot
+from hexakin.robot_checks import most_inertia, principal_moments
+
+_LEVEL = 1e-3  # [m] between the highest and the lowest foot of the standing pose
+_MARGIN = np.deg2rad(1.0)  # of a joint in the standing pose
+_SAME = 1e-3  # [m] between two legs' first joints
+_TINY = 1e-4  # [m]: a length that is neither 0 nor this long may be in another unit
+# A servo's torque over what one stretched leg needs to carry the robot; that of paper A's servos is 0.4.
+_STRENGTH = (0.02, 20.0)
+_SHARE = 0.2  # of a uniform box's largest moment: below, the mass sits in a point
+
+
+def summary(robot: Robot) -> str:
+    """Return the page that ``python -m hexakin robot`` prints; lengths in mm, angles in degrees.
+
+    Its last lines are the remarks of ``remarks``. It says of every body how its principal moments of inertia compare
+    with those of its box, full and uniform, and of every leg type how far the foot can be from the second joint.
+    """
+    lines = [f"{robot.name}: {robot.num_legs} legs, {robot.mass:.4g} kg"]
+    if robot.reference:
+        lines.append(f"  {' '.join(robot.reference.split())}")
+    for part in (_masses, _inertias, _reach, _standing, _limits, _rest):
+        lines += ["", *part(robot)]
+    found = remarks(robot)
+    return "\n".join([*lines, "", *(f"remark: {remark}" for remark in found)] if found else lines) + "\n"
+
+
+def remarks(robot: Robot) -> tuple[str, ...]:
+    """Say what is unusual about a robot that is possible: each is a sentence that names the field."""
+    return tuple(remark for part in (_body_remarks, _standing_remarks, _leg_remarks) for remark in part(robot))
+
+
+def _parts(robot: Robot) -> dict[str, tuple[Body, int]]:
+    """Bodies by the path of their field, and how often the robot has them."""
+    limbs = {f"segments.{name}": (robot.segments[name], robot.num_legs) for name in SEGMENT_NAMES}
+    return {"torso": (robot.torso, 1), **limbs, "foot": (robot.foot, robot.num_legs)}
+
+
+def _masses(robot: Robot) -> Iterator[str]:
+    yield "masses"
+    for where, (body, count) in _parts(robot).items():
+        total = f"{count} x {body.mass:.4g} kg" if count > 1 else f"{body.mass:.4g} kg"
+        yield f"  {where:15} {total:>15} {100.0 * count * body.mass / robot.mass:5.1f} %"
+
+
+def _inertias(robot: Robot) -> Iterator[str]:
+    yield "principal moments of inertia, positive and within the triangle inequality, and those of a full uniform box"
+    for where, (body, _) in _parts(robot).items():
+        moments = " ".join(f"{moment:9.3g}" for moment in principal_moments(body))
+        box = "" if where == "foot" else " ".join(f"{moment:9.3g}" for moment in np.sort(most_inertia(body) / 3.0))
+        yield f"  {where:15} {moments} kg m^2   {box}".rstrip()
+
+
+def _reach(robot: Robot) -> Iterator[str]:
+    yield "reach of the foot from the second joint, and within the joint limits"
+    widest, limited = reach(robot), reach(robot, limited=True)
+    kinds: dict[tuple[float, ...], list[int]] = {}
+    for leg, values in enumerate(np.hstack([widest, limited])):
+        kinds.setdefault(tuple(np.round(values, 7)), []).append(leg + 1)
+    for (inner, outer, low, high), legs in kinds.items():
+        which = "all legs" if len(legs) == robot.num_legs else f"legs {', '.join(map(str, legs))}"
+        yield f"  {which}: {1e3 * inner:.1f} to {1e3 * outer:.1f} mm, {1e3 * low:.1f} to {1e3 * high:.1f} mm"
+
+
+def _standing(robot: Robot) -> Iterator[str]:
+    margins = np.rad2deg(np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q).min(axis=-1))
+    yield f"standing, the body's origin {1e3 * standing_height(robot):.1f} mm above the ground"
+    for leg, foot, margin in zip(robot.legs, forward_kinematics(robot, robot.standing_q), margins, strict=True):
+        place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in foot)
+        yield f"  {leg.name:15} foot at ({place}) mm, {margin:.1f} deg from the nearest joint limit"
+
+
+def _limits(robot: Robot) -> Iterator[str]:
+    yield "joint limits"
+    for joint, ranges in zip(robot.table.joints, np.rad2deg(robot.joint_limits).swapaxes(0, 1), strict=True):
+        kinds = {tuple(np.round(limits, 3)): None for limits in ranges}
+        yield f"  {joint:15} " + ", ".join(f"{low:g} to {high:g}" for low, high in kinds) + " deg"
+
+
+def _rest(robot: Robot) -> Iterator[str]:
+    servo = robot.servo
+    speed = "no speed limit given" if servo.max_speed is None else f"at most {servo.max_speed:g} rad/s"
+    yield f"servo: {servo.max_torque:g} N m, {speed}, {servo.rate:g} rad/s per rad of lag"
+    known = "in closed form" if closed_form(robot.table) else "not known in closed form: found numerically"
+    yield f"inverse kinematics: {known}"
+
+
+def _body_remarks(robot: Robot) -> Iterator[str]:
+    for where, (body, _) in _parts(robot).items():
+        if where == "foot":
+            continue
+        most = most_inertia(body)
+        over = np.diag(body.inertia) / most
+        if over.max() > 1.0 + 1e-9:
+            axis = "xyz"[int(over.argmax())]
+            yield f"{where}.inertia.{axis * 2}: {over.max():.3g} times the most that mass within its box can have"
+        elif principal_moments(body)[2] < _SHARE * most.max() / 3.0:
+            yield f"{where}.inertia: less than {_SHARE:g} of a uniform box's, as if the mass sat in a point"
+    if robot.foot_radius == 0.0:
+        yield "foot.radius: 0, a point: good for kinematics, but a simulation needs a radius"
+
+
+def _standing_remarks(robot: Robot) -> Iterator[str]:
+    heights = forward_kinematics(robot, robot.standing_q)[:, 2]
+    if np.ptp(heights) > _LEVEL:
+        leg = int(heights.argmax()) + 1
+        yield f"standing: the feet are not level, leg {leg}'s is {1e3 * np.ptp(heights):.3g} mm above the lowest"
+    underside = standing_height(robot) + robot.torso.center_of_mass[2] - robot.torso.size[2] / 2.0
+    if underside <= 0.0:
+        yield f"standing: the torso's underside is {-1e3 * underside:.3g} mm below the ground"
+    margins = np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q)
+    if margins.min() < _MARGIN:
+        leg, joint = (int(index) for index in np.unravel_index(int(margins.argmin()), margins.shape))
+        margin = np.rad2deg(margins.min())
+        yield f"standing.{robot.table.joints[joint]} of leg {leg + 1}: {margin:.2g} deg from its limit"
+
+
+def _leg_remarks(robot: Robot) -> Iterator[str]:
+    lengths = {entry for motion, entry in robot.table.motions if motion[0] == "t"}
+    for name in robot.table.parameters:
+        values = np.array([abs(leg.values[name]) for leg in robot.legs if leg.values[name] != 0.0])
+        if name in lengths and len(values) and values.min() < _TINY:
+            yield f"parameters.{name}: {values.min():g} m; is it in m?"
+    hips = np.array([robot.fixed_poses(leg)[0, :3, 3] for leg in range(robot.num_legs)])
+    gaps = np.linalg.norm(hips[:, None] - hips[None], axis=-1) + np.diag(np.full(robot.num_legs, np.inf))
+    if gaps.min() < _SAME:
+        one, other = (int(index) for index in np.unravel_index(int(gaps.argmin()), gaps.shape))
+        yield f"legs: legs {one + 1} and {other + 1} start at the same place"
+    stretched = float(np.linalg.norm(robot.fixed_poses(0)[1:, :3, 3], axis=-1).sum())
+    strength = robot.servo.max_torque / (robot.mass * 9.81 * stretched)
+    if not _STRENGTH[0] <= strength <= _STRENGTH[1]:
+        need = f"{strength:.3g} of what one stretched leg needs to carry the robot"
+        yield f"servo.max_torque: {robot.servo.max_torque:g} N m is {need}; is it in N m?"
+    if robot.servo.max_speed is None:
+        yield "servo.max_speed: not given; checks of feasibility leave speeds out"
