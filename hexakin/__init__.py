@@ -29,8 +29,8 @@ _NAMES = {
 }
 _MODULES = (
     "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait", "kinematics",
-    "measures", "paper", "posture", "stability", "stance", "studies", "study", "support_region", "swing", "symbolic",
-    "terrain", "transforms", "urdf", "walker",
+    "measures", "paper", "posture", "stability", "stance", "steering", "studies", "study", "support_region", "swing",
+    "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         posture,
         stability,
         stance,
+        steering,
         studies,
         study,
         support_region,

@@ -124,15 +124,23 @@ def near_limits() -> Study:
     return study()
 
 
+def manoeuvres() -> Study:
+    """Gaits and directions of steering (``hexakin.manoeuvres``), on the rigid engine."""
+    from hexakin.manoeuvres import study
+
+    return study()
+
+
 _MAKERS: dict[str, Callable[[str], Study]] = {
     "sweeps": sweeps, "steps": steps, "turned": turned, "sensitivity": open_choices, "grid": gain_grid,
 }  # fmt: skip
 STUDIES: dict[str, Callable[[], Study]] = {
     f"{scenario}_{kind}": partial(make, scenario) for kind, make in _MAKERS.items() for scenario in SCENARIOS
 }
-"""Paper A's studies by name; ``python -m hexakin study NAME`` makes one. Their results are in data/results."""
+"""Studies by name; ``python -m hexakin study NAME`` makes one. Their results are in data/results."""
 STUDIES["testbed_rougher"] = rougher
 STUDIES["ramp_limits"] = near_limits
+STUDIES["manoeuvres"] = manoeuvres
 
 
 def fresh(scenario: str, *, count: int = 2) -> Study:
