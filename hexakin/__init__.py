@@ -28,13 +28,14 @@ _NAMES = {
     "load_recording": "recording",
 }
 _MODULES = (
-    "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait", "kinematics",
-    "measures", "paper", "posture", "stability", "stance", "steering", "studies", "study", "support_region", "swing",
-    "symbolic", "terrain", "transforms", "urdf", "walker",
+    "animation", "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait",
+    "kinematics", "measures", "paper", "posture", "stability", "stance", "steering", "studies", "study",
+    "support_region", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
     from hexakin import (
+        animation,
         contact,
         dynamics,
         engines,

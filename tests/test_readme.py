@@ -80,6 +80,13 @@ def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
     assert shapes == "(701, 6, 3) (701, 6, 3)"
 
 
+def test_the_example_of_an_animation_leaves_its_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    example = README.split("## Pictures that move")[1].split("```python\n")[1].split("```")[0]
+    exec(compile(example.replace("duration=5.0", "duration=0.5"), "README.md", "exec"), {})
+    assert (tmp_path / "walk.html").stat().st_size > 5e5 and (tmp_path / "walk.gif").stat().st_size > 1e4
+
+
 def test_the_example_of_a_check_prints_what_it_says(capsys):
     example = README.split("## Before it walks")[1].split("```python\n")[1].split("```")[0]
     exec(compile(example, "README.md", "exec"), {})

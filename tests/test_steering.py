@@ -137,3 +137,24 @@ def test_rolling_feet_touch_the_ground_at_rest(athena):
 def test_parameters_out_of_range_are_named(athena, name):
     with pytest.raises(HexakinError, match=name):
         SteeringController(athena, **{name: -1.0})
+
+
+@pytest.mark.parametrize(("legs", "gait"), [(4, "wave"), (8, "ripple")])
+def test_robots_of_four_and_eight_legs_walk(athena, legs, gait):
+    import dataclasses
+
+    from hexakin.robot import Leg
+
+    angles = np.linspace(1.0, -1.0, legs // 2)
+    values = [{**athena.legs[0].values, "theta_1": theta, "l_1": 0.11} for a in angles for theta in (a, np.pi - a)]
+    robot = dataclasses.replace(
+        athena, name=f"{legs} legs", legs=tuple(Leg(f"leg {k}", v) for k, v in enumerate(values)),
+        joint_limits=np.repeat(athena.joint_limits[:1], legs, axis=0),
+        standing_q=np.repeat(athena.standing_q[:1], legs, axis=0),
+    )  # fmt: skip
+    cycle = 4.0 if legs == 4 else 3.0
+    recording = walked(robot, SteeringController(robot, Twist(0.012), gait, cycle_duration=cycle), 4)
+    np.testing.assert_allclose(mean_velocity(recording, (2, 3), cycle), [0.012, 0.0, 0.0], atol=0.0018)
+    assert recording.torso_force.max() == 0.0
+    with pytest.raises(InvalidInputError, match="6"):
+        SteeringController(robot, gait="tripod")

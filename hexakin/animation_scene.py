@@ -1,0 +1,260 @@
+"""What an animation shows, before anything draws it: parts, poses, ground, forces, polygons, ZMP and traces."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from hexakin.animation_ground import Surface, ground_surfaces
+from hexakin.dynamics import GRAVITY
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.feasibility.motion import Motion, motion_of
+from hexakin.figure_style import LEG_COLOURS
+from hexakin.kinematics import forward_kinematics, segment_poses, standing_height
+from hexakin.leg_curves import LegCurves
+from hexakin.recording import Recording
+from hexakin.robot import SEGMENT_NAMES, Robot, check_robot
+from hexakin.stability import support_polygon, zero_moment_point
+from hexakin.terrain import Terrain
+from hexakin.transforms import Array, check_array, inverse_pose, pose, transform_points
+from hexakin.walker import WalkPlan
+
+SHOWN = ("forces", "polygon", "zmp", "traces")
+FIELD_OF_VIEW = 40.0  # [deg] vertical, of the camera
+ARROW, EDGE = "#b2002d", "#8a5a00"  # of forces and of the polygon's edge: none of the legs' colours
+
+_RATE = 30.0  # [1/s] keyframes of the motion; those of a recording come at its control rate, 20 1/s by default
+_LIFT = 0.003  # [m] polygon and ZMP lie this far above the contacts, so that the ground does not swallow them
+_TORSO, _DARK = "#8c8c8c", "#404040"
+
+
+class Part(NamedTuple):
+    """A box with edges ``size`` (3,) [m], or a sphere of diameter ``size[0]``, fixed in the frame of ``node``.
+
+    ``node`` is ``(leg, segment)``, indices from 0, or None for the torso; ``T_node_part`` (4, 4) its pose there.
+    """
+
+    name: str
+    node: tuple[int, int] | None
+    kind: Literal["box", "sphere"]
+    size: Array
+    T_node_part: Array
+    colour: str
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that moves, at n instants, and what it moves over; all in the world unless said otherwise.
+
+    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``T_body_segment`` (n, L, 3, 4, 4); ``p_foot`` (n, L, 3) [m], the
+    feet's centres as drawn; ``held`` (n, L), legs without angles, drawn in their last pose, and ``p_target`` (n, L, 3)
+    [m], where their feet should be; ``p_contact`` and ``normal`` (n, L, 3); ``force`` (n, L) [N], None if it is not
+    known; ``polygon``, n support polygons (m, 3) [m] or None for none, or None if they are not shown; ``zmp`` (n, 3)
+    [m], NaN where undefined, or None; ``traces``, whether the feet's paths are shown; ``ground_path`` (n, L, 3) [m]
+    below each foot where the ground has no surface, else None; ``center`` (n, 3) [m], what the camera looks at, and
+    ``eye`` (3,) [m], where it is from there; ``newtons_per_metre`` of the arrows.
+    """
+
+    robot: Robot
+    title: str
+    parts: tuple[Part, ...]
+    surfaces: tuple[Surface, ...]
+    time: Array
+    T_world_body: Array
+    T_body_segment: Array
+    p_foot: Array
+    held: NDArray[np.bool_]
+    p_target: Array
+    p_contact: Array
+    normal: Array
+    force: Array | None
+    polygon: tuple[Array | None, ...] | None
+    zmp: Array | None
+    traces: bool
+    ground_path: Array | None
+    center: Array
+    eye: Array
+    newtons_per_metre: float
+
+    @property
+    def notes(self) -> list[str]:
+        """What a viewer should know: the scale of ground and forces, and when a leg is held."""
+        notes = [f"tiles: {1e3 * tile:g} mm" for tile in sorted({s.tile for s in self.surfaces} - {0.0})]
+        if self.force is not None:
+            notes.append(f"arrows: {0.1 * self.newtons_per_metre:.3g} N per 100 mm")
+        for leg in np.flatnonzero(self.held.any(axis=0)):
+            at = self.time[self.held[:, leg]]
+            share = f"{len(at)} of {len(self.time)} instants ({at[0]:.3g} s to {at[-1]:.3g} s)"
+            notes.append(f"leg {leg + 1}: out of reach at {share}")
+        if self.held.any():
+            notes.append("a leg out of reach keeps its last pose; a ball marks where its foot should be")
+        return notes
+
+
+def make_scene(
+    robot: Robot,
+    motion: Recording | WalkPlan | Motion,
+    terrain: Terrain | LegCurves | None,
+    show: Sequence[str],
+    follow: bool,
+) -> Scene:
+    """Work out what `hexakin.animation.animate` shows; its arguments and errors."""
+    check_robot(robot)
+    wanted = _check_show(show)
+    ground = _check_terrain(terrain)
+    course = motion_of(motion)
+    if course.q.ndim != 3 or course.q.shape[1:] != (robot.num_legs, 3):
+        raise InvalidInputError(f"motion: q has shape {course.q.shape}, expected (n, {robot.num_legs}, 3)")
+    chosen = _keyframes(check_array("motion: time", course.time, ()))
+    T = check_array("motion: T_world_body", course.T_world_body, (4, 4))[chosen]
+    q, held = _held(course.q[chosen], course.time[chosen])
+    p_foot = transform_points(T, forward_kinematics(robot, q))
+    normal = np.zeros_like(p_foot) + [0.0, 0.0, 1.0]
+    if ground is not None:
+        normal = ground.normal(p_foot[..., 0], p_foot[..., 1])
+    p_contact = p_foot - robot.foot_radius * normal
+    force = motion.foot_force[chosen] if isinstance(motion, Recording) else None
+    center, eye = _camera(T, p_foot, follow)
+    below = None
+    if ground is None and course.ground_height is not None:
+        below = np.concatenate([p_foot[..., :2], course.ground_height[chosen][..., None]], axis=-1)
+    return Scene(
+        robot=robot,
+        title=robot.name if terrain is None else f"{robot.name}, {_short(repr(terrain))}",
+        parts=tuple(_parts(robot)),
+        surfaces=() if ground is None else ground_surfaces(ground, p_foot),
+        time=course.time[chosen],
+        T_world_body=T,
+        T_body_segment=np.array([segment_poses(robot, angles) for angles in q]),
+        p_foot=p_foot,
+        held=held,
+        p_target=transform_points(T, course.p_body_foot[chosen]),
+        p_contact=p_contact,
+        normal=normal,
+        force=force if "forces" in wanted else None,
+        polygon=_polygons(p_contact, course.carrying[chosen]) if "polygon" in wanted else None,
+        zmp=_zmp(p_contact, force) if "zmp" in wanted and force is not None else None,
+        traces="traces" in wanted,
+        ground_path=below,
+        center=center,
+        eye=eye,
+        # A third of the weight, a leg's share in a tripod, is as long as the body is high.
+        newtons_per_metre=robot.mass * GRAVITY / 3.0 / standing_height(robot),
+    )
+
+
+def _short(text: str) -> str:
+    """Return a text with its long numbers rounded."""
+    return re.sub(r"\d+\.\d{5,}(e-?\d+)?", lambda number: f"{float(number[0]):.4g}", text)
+
+
+def _check_show(show: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(show, str) or not isinstance(show, Sequence):
+        raise InvalidInputError(f"show: expected a tuple of names, got {show!r:.80}")
+    for name in show:
+        if name not in SHOWN:
+            raise UnknownNameError("show", name, list(SHOWN))
+    return tuple(show)
+
+
+def _check_terrain(terrain: Any) -> Terrain | None:
+    """Return the terrain if it has a surface; None where there is none to draw."""
+    if terrain is None or isinstance(terrain, LegCurves):
+        return None
+    if isinstance(terrain, type) or not isinstance(terrain, Terrain):
+        raise UnknownNameError(
+            "terrain", terrain, [f"hexakin.terrain.{n}(...)" for n in ("Plane", "Ramp", "Blocks", "HeightField")]
+        )
+    return terrain
+
+
+def _keyframes(time: Array) -> NDArray[np.int_]:
+    """Indices of the instants that are shown: all, or evenly spaced ones, first and last included."""
+    if time.ndim != 1 or len(time) < 2:
+        raise InvalidInputError(f"motion: time has shape {time.shape}, expected at least two instants (n,)")
+    if (steps := np.diff(time)).min() <= 0.0:
+        at = int(np.argmin(steps))
+        raise InvalidInputError(f"motion: time falls from {time[at]:g} s to {time[at + 1]:g} s, expected ascending")
+    count = min(len(time), 1 + int(np.ceil(_RATE * (time[-1] - time[0]))))
+    return np.unique(np.round(np.linspace(0, len(time) - 1, max(count, 2))).astype(int))
+
+
+def _held(q: Array, time: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Angles without gaps, and where they were missing: a leg keeps its last pose, at the start takes its first."""
+    known = np.asarray(np.isfinite(q).all(axis=-1))
+    if not known.any(axis=0).all():
+        leg = int(np.argmin(known.any(axis=0)))
+        span = f"between {time[0]:g} s and {time[-1]:g} s"
+        raise InvalidInputError(f"motion: leg {leg + 1} has no joint angles at any instant {span}: nothing to draw")
+    last = np.maximum.accumulate(np.where(known, np.arange(len(q))[:, None], -1), axis=0)
+    last = np.where(last < 0, known.argmax(axis=0), last)
+    return np.take_along_axis(q, last[..., None], axis=0), ~known
+
+
+def _parts(robot: Robot) -> list[Part]:
+    """Torso with a mark at its front, and per leg three slim boxes, a joint before each, and a foot that has a size."""
+    torso = robot.torso
+    across = float(np.abs(robot.right) @ torso.size)
+    along = float(np.abs(robot.forward) @ torso.size)
+    middle = torso.center_of_mass + robot.forward * 0.38 * along + [0.0, 0.0, 0.5 * torso.size[2]]
+    turned = pose(np.column_stack([robot.forward, -robot.right, [0.0, 0.0, 1.0]]), middle)
+    mark = np.array([0.16 * along, 0.5 * across, 0.06 * torso.size[2]])
+    parts = [
+        Part("box", None, "box", torso.size, pose(np.eye(3), torso.center_of_mass), _TORSO),
+        Part("front", None, "box", mark, turned, _DARK),
+    ]
+    straight = np.zeros((robot.num_legs, 3))
+    feet, frames = forward_kinematics(robot, straight), segment_poses(robot, straight)
+    for leg in range(robot.num_legs):
+        colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
+        for k, name in enumerate(SEGMENT_NAMES):
+            body = robot.segments[name]
+            slim = body.size * [1.0, 0.5, 0.5]  # as in the figures: so that the joints can be seen
+            parts.append(Part("box", (leg, k), "box", slim, pose(np.eye(3), body.center_of_mass), colour))
+            parts.append(Part("joint", (leg, k), "sphere", np.full(3, 1.2 * slim[1:].max()), np.eye(4), _DARK))
+        p_tibia_foot = transform_points(inverse_pose(frames[leg, 2]), feet[leg, None])[0]
+        if robot.foot_radius > 0.0:  # else the foot is a point
+            ball = np.full(3, 2.0 * robot.foot_radius)
+            parts.append(Part("foot", (leg, 2), "sphere", ball, pose(np.eye(3), p_tibia_foot), _DARK))
+    return parts
+
+
+def _polygons(p_contact: Array, carrying: NDArray[np.bool_]) -> tuple[Array | None, ...]:
+    polygons: list[Array | None] = []
+    for points, carry in zip(p_contact, carrying, strict=True):
+        hull = support_polygon(points[carry])
+        if hull is not None:  # seen from above: the feet at its corners give the height
+            corner = [int(np.argmax((points[:, :2] == vertex).all(axis=-1) & carry)) for vertex in hull]
+            hull = points[corner] + [0.0, 0.0, _LIFT]
+        polygons.append(hull)
+    return tuple(polygons)
+
+
+def _zmp(p_contact: Array, force: Array) -> Array:
+    """ZMP (n, 3) [m], at the height that the same weighted mean gives."""
+    plan, side = (zero_moment_point(p_contact[..., axes], force).xy for axes in ([0, 1], [0, 2]))
+    return np.column_stack([plan, side[:, 1] + _LIFT])
+
+
+def _camera(T_world_body: Array, p_foot: Array, follow: bool) -> tuple[Array, Array]:
+    """What the camera looks at (n, 3), and where it is from there (3,): ahead of the walk, to its right, above."""
+    path = T_world_body[:, :3, 3]
+    reach = np.linalg.norm((p_foot - path[:, None])[..., :2], axis=-1).max()
+    if follow:
+        center = uniform_filter1d(path, max(1, len(path) // 8), axis=0, mode="nearest")
+    else:
+        low, high = path.min(axis=0), path.max(axis=0)
+        center = np.tile((low + high) / 2.0, (len(path), 1))
+        reach += 0.5 * np.linalg.norm(high - low)
+    center = center - [0.0, 0.0, 0.15 * reach]
+    walked = path[-1, :2] - path[0, :2]
+    ahead = np.arctan2(*walked[::-1]) if np.hypot(*walked) > 1e-3 else np.pi / 2.0
+    azimuth, elevation = ahead - np.radians(50.0), np.radians(28.0)
+    away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    return center, 1.25 * reach / np.tan(np.radians(FIELD_OF_VIEW / 2.0)) * away
