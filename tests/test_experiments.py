@@ -126,7 +126,7 @@ def test_committed_results_are_runs_of_the_study_of_their_name_and_say_what_made
     made = {tuple(row) for row in found[arguments].astype(object).itertuples(index=False)}
     assert made <= wanted and len(made) == len(found)
     assert about["study"] == name and about["runs"] == len(found)
-    assert about["trial"] == "hexakin.experiments:walk" and len(about["code"]) == 12
+    assert about["trial"] == f"{study.trial.__module__}:{study.trial.__qualname__}" and len(about["code"]) == 12
     assert {"python", "numpy", "pin"} <= set(about["versions"])
     assert (found.status == "ok").mean() > 0.95
 
