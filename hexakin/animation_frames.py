@@ -57,12 +57,13 @@ def write_mp4(path: Path, scene: Scene, speed: float, frame_rate: float, size: t
     command += ["-movflags", "+faststart", str(path)]
     with tempfile.TemporaryFile() as messages:
         encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages)
+        assert encoder.stdin is not None  # it was asked for
         try:
             with contextlib.suppress(BrokenPipeError):  # it has given up; its message says why
                 for image in _images(scene, instants(scene, speed, frame_rate), size):
-                    encoder.stdin.write(image.tobytes())  # type: ignore[union-attr]
+                    encoder.stdin.write(image.tobytes())
             with contextlib.suppress(BrokenPipeError):
-                encoder.stdin.close()  # type: ignore[union-attr]
+                encoder.stdin.close()
             encoder.wait()
         finally:
             encoder.kill()

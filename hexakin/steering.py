@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.control import Command, Observation
-from hexakin.exceptions import InvalidInputError, JointLimitError, UnreachableError
+from hexakin.exceptions import InvalidInputError
 from hexakin.gait import Gait, gait_of
 from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian, joint_axes, standing_height
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, axis_rotation, check_number
+from hexakin.walker import refuse_impossible
 
 _AT_HOME = 1e-4  # [m]
 _STILL = 1e-6  # [m/s], at a foot
@@ -129,20 +130,11 @@ class SteeringController:
         return _moved(self, twist, self.home, -0.5 * self._gait.duty_factor * self.cycle_duration)
 
     def _refuse(self, twist: Twist) -> None:
-        """Raise if the two ends of a stroke or the top of a swing are out of reach or limits."""
+        """Raise if the two ends of a stroke or the top of a swing are impossible; time counts from mid-stance."""
         half = 0.5 * self._gait.duty_factor * self.cycle_duration
         ends = np.array([*(_moved(self, twist, self.home, t) for t in (-half, half)), self.home + [0, 0, self.apex]])
         solution = inverse_kinematics(self.robot, ends)
-        if not solution.reachable.all():
-            at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])
-            low, high = solution.reach[at, leg]
-            raise UnreachableError(leg + 1, float(solution.distance[at, leg]), (float(low), float(high)))
-        if not solution.within_limits.all():
-            at, leg = (int(i) for i in np.argwhere(~solution.within_limits)[0])
-            q, low, high = solution.q[at, leg], self.robot.q_min[leg], self.robot.q_max[leg]
-            joint = int(np.argmax(np.maximum(low - q, q - high)))
-            limits = (float(low[joint]), float(high[joint]))
-            raise JointLimitError(leg + 1, self.robot.table.joints[joint], float(q[joint]), limits, 0.0)
+        refuse_impossible(self.robot, solution, np.array([-half, half, 0.0]))
 
 
 class SteeringRun:
@@ -205,7 +197,10 @@ class SteeringRun:
             lever = -robot.foot_radius * up
             slide = jacobian(robot, q) + np.cross(joint_axes(robot, q), lever[:, None], axisa=-2, axisb=-2, axisc=-2)
             contact = forward_kinematics(robot, q) + lever
-            rate = np.linalg.solve(slide, self._controller.velocity(self._twist, contact)[..., None])[..., 0]
+            # The pseudo-inverse: a leg that is stretched straight gives what it can.
+            rate = (np.linalg.pinv(slide, rcond=1e-6) @ self._controller.velocity(self._twist, contact)[..., None])[
+                ..., 0
+            ]
             q = self._q + part * self._dt * rate
         return q
 

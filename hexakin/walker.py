@@ -190,7 +190,7 @@ def plan_walk(
     solution = path_inverse_kinematics(robot, transform_points(inverse_pose(T_world_body), p_world_foot))
     time = step_duration * progress
     if on_failure == "raise":
-        _refuse(robot, solution, time)
+        refuse_impossible(robot, solution, time)
     return WalkPlan(
         time=time,
         T_world_body=T_world_body,
@@ -240,8 +240,11 @@ def _largest(values: Array) -> float:
     return float(values.max()) if values.size else float("nan")
 
 
-def _refuse(robot: Robot, solution: InverseSolution, time: Array) -> None:
-    """Raise for the first instant that is out of reach, else for the first that is out of the limits."""
+def refuse_impossible(robot: Robot, solution: InverseSolution, time: Array) -> None:
+    """Raise UnreachableError for the first instant out of reach, else JointLimitError for the first out of the limits.
+
+    ``solution`` is of n instants (n, L, 3), at ``time`` (n,) [s].
+    """
     if not solution.reachable.all():
         at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])
         low, high = solution.reach[at, leg]

@@ -158,3 +158,15 @@ def test_robots_of_four_and_eight_legs_walk(athena, legs, gait):
     assert recording.torso_force.max() == 0.0
     with pytest.raises(InvalidInputError, match="6"):
         SteeringController(robot, gait="tripod")
+
+
+def test_a_leg_that_is_stretched_straight_stops_no_walk(athena):
+    from hexakin.control import Observation
+
+    controller = SteeringController(athena, Twist(0.0, 0.02, 0.0), rise_duration=0.0)
+    straight = np.array(athena.standing_q)
+    straight[:, 1:] = [-0.5, 0.0]  # femur and tibia in line: the Jacobian is singular
+    run = controller.start(Observation(0.0, straight, np.ones(6), 0.1), 20.0)
+    for tick in range(40):
+        command = run.command(Observation(tick / 20.0, straight, np.ones(6), 0.1))
+        assert np.isfinite(command.q).all()
