@@ -8,16 +8,17 @@ from importlib import metadata
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hexakin import __version__
 from hexakin.control import Command, Controller, Observation
 from hexakin.engines import Engine, Reading, engine_class
-from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.kinematics import forward_kinematics, standing_height
 from hexakin.recording import Recording
 from hexakin.robot import Robot, check_robot
 from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_number, check_whole, pose, rotation_between
+from hexakin.transforms import Array, check_array, check_number, check_whole, pose, rotation_between
 
 _START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
 
@@ -36,14 +37,16 @@ def simulate(
     restitution: float = 0.5,
     seed: int = 0,
     perturbation: float = 0.02,
+    q_start: ArrayLike | None = None,
     settling_time: float = 1.0,
     force_sampling: Literal["mean", "last"] = "mean",
     **engine_options: Any,
 ) -> Recording:
     """Walk ``robot`` over ``terrain`` and record what happens.
 
-    The robot is put on the terrain at the origin, upright on its local slope, in the standing pose
-    with each angle off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
+    The robot is put on the terrain at the origin, upright on its local slope, in the standing pose or with the angles
+    ``q_start`` (L, 3) [rad], such as ``hexakin.rising.lying_q``,
+    each off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
     [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and ``time_step`` are
     in s; the run ends sooner when ``max_cycles`` gait cycles are whole. ``force_sampling`` says which foot forces the
     controller reads: the ``"mean"`` over the tick before, or those of its ``"last"`` step, in which chatter shows.
@@ -77,8 +80,8 @@ def simulate(
     settling_ticks = max(1, round(settling_time * control_rate))
 
     rng = np.random.default_rng(seed)
-    q_start = robot.standing_q + rng.uniform(-perturbation, perturbation, (robot.num_legs, 3))
-    q_start = np.clip(q_start, robot.q_min, robot.q_max)
+    pose_at_start = _angles_at_start(robot, q_start)
+    q = np.clip(pose_at_start + rng.uniform(-perturbation, perturbation, pose_at_start.shape), robot.q_min, robot.q_max)
     make_engine = engine_class(engine)
     known_options = list(inspect.signature(make_engine).parameters)[2:]
     for name in engine_options:
@@ -86,9 +89,9 @@ def simulate(
             raise UnknownNameError(f"option of engine {engine!r}", name, known_options)
     options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
     with make_engine(robot, terrain, **options) as simulator:
-        simulator.place(starting_pose(robot, terrain, q_start), q_start)
-        reading = simulator.advance(q_start, settling_ticks * steps_per_tick)
-        reading = simulator.advance(q_start, steps_per_tick)
+        simulator.place(starting_pose(robot, terrain, q), q)
+        reading = simulator.advance(q, settling_ticks * steps_per_tick)
+        reading = simulator.advance(q, steps_per_tick)
         last = force_sampling == "last"
         end = np.inf if max_cycles is None else max_cycles * controller.phases_per_cycle
         rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, end, steps_per_tick, last)
@@ -104,6 +107,7 @@ def simulate(
         "control_rate": control_rate,
         "seed": seed,
         "perturbation": perturbation,
+        "q_start": None if q_start is None else pose_at_start.tolist(),
         "settling_time": settling_time,
         "force_sampling": force_sampling,
         "versions": {
@@ -117,15 +121,37 @@ def simulate(
 
 
 def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:
-    """Pose (4, 4) of the body over the origin, upright on the local slope, the lowest foot just off the ground."""
+    """Pose (4, 4) of the body over the origin, upright on the local slope, just off the ground.
+
+    What is lowest above it, a foot or a corner of the torso's underside, is a millimetre away.
+    """
     normal = terrain.normal(0.0, 0.0)
     rotation = rotation_between([0.0, 0.0, 1.0], normal)
     ground = np.array([0.0, 0.0, float(terrain.height(0.0, 0.0))])
     T = pose(rotation, ground + standing_height(robot) * normal)
-    feet = forward_kinematics(robot, q) @ rotation.T + T[:3, 3]
-    clearance = (feet[:, 2] - terrain.height(feet[:, 0], feet[:, 1])) * normal[2] - robot.foot_radius
+    points = np.vstack([forward_kinematics(robot, q), _underside(robot)]) @ rotation.T + T[:3, 3]
+    clearance = (points[:, 2] - terrain.height(points[:, 0], points[:, 1])) * normal[2]
+    clearance[: robot.num_legs] -= robot.foot_radius
     T[:3, 3] += (_START_CLEARANCE - float(clearance.min())) * normal
     return T
+
+
+def _underside(robot: Robot) -> Array:
+    """Corners (4, 3) of the torso's underside in the body frame."""
+    half = 0.5 * robot.torso.size
+    return robot.torso.center_of_mass + half * [[1, 1, -1], [1, -1, -1], [-1, -1, -1], [-1, 1, -1]]
+
+
+def _angles_at_start(robot: Robot, q_start: ArrayLike | None) -> Array:
+    if q_start is None:
+        return robot.standing_q
+    q = check_array("q_start", q_start, (robot.num_legs, 3), ("leg", "joint"))
+    if q.ndim != 2:
+        raise InvalidInputError(f"q_start: expected shape ({robot.num_legs}, 3), got {q.shape}")
+    for leg, joint in np.argwhere((q < robot.q_min) | (q > robot.q_max)):
+        limits = (float(robot.q_min[leg, joint]), float(robot.q_max[leg, joint]))
+        raise JointLimitError(int(leg) + 1, robot.table.joints[joint], float(q[leg, joint]), limits, 0.0)
+    return q
 
 
 def _whole(ratio: float, what: str, time_step: float) -> int:

@@ -2,7 +2,7 @@
 
 Feet in stance move against the body, turned about the vertical by the commanded rate; feet in swing are put where the
 middle of their next stance will be the standing foothold. A leg whose foot stands at home and is not asked to move does
-not swing, so that the robot stops on all feet.
+not swing, so that the robot stops on all feet. A robot that lies on its torso stands up first.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from hexakin.control import Command, Observation
 from hexakin.exceptions import InvalidInputError
 from hexakin.gait import Gait, gait_of
 from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian, joint_axes, standing_height
+from hexakin.rising import footholds_to_rise_on, lies
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, axis_rotation, check_number
 from hexakin.walker import refuse_impossible
@@ -59,10 +60,12 @@ class SteeringController:
         Cycles in which the followed command changes by as much as the largest one so far: legs start from home,
         where the last to swing would otherwise be dragged through a whole stroke.
     rise_duration:
-        Time [s] in which the feet are brought from where they are to the standing footholds before walking begins.
+        Time [s] in which the feet are brought from where they are to the standing footholds before walking begins. If
+        the robot lies, they are put on the ground, all at once, in half of this time, and lift the body in the other.
 
     Raises InvalidInputError or UnknownNameError for parameters out of range and for a gait that leaves too few legs on
-    the ground; UnreachableError or JointLimitError, naming the leg, if a constant command's strokes cannot be made.
+    the ground; UnreachableError or JointLimitError, naming the leg, if a constant command's strokes cannot be made, or,
+    when it begins, if the feet of a robot that lies cannot be put on the ground.
     """
 
     robot: Robot
@@ -148,14 +151,17 @@ class SteeringRun:
         self._swings = np.zeros(controller.robot.num_legs, dtype=bool)
         self._twist, self._largest = Twist(), np.zeros(3)
         self._time = -controller.rise_duration
+        self._touchdown = None
+        if controller.rise_duration > 0.0 and lies(controller.robot, observation.height):
+            ground = controller.robot.foot_radius - observation.height
+            self._touchdown = footholds_to_rise_on(controller.robot, controller.home, ground)
 
     def command(self, observation: Observation) -> Command:
         """Return the command of this tick."""
         c = self._controller
         self._time += self._dt
         if self._time <= 0.0:
-            left = max(-self._time, 0.0) / self._dt
-            self._feet = self._feet + (c.home - self._feet) / (left + 1.0)
+            self._feet = self._rising()
             return self._answer(np.zeros(c.robot.num_legs, dtype=bool), 0)
         self._follow(c.command_at(self._time))
         cycle = self._time / c.cycle_duration
@@ -178,6 +184,20 @@ class SteeringRun:
         self._feet = np.where(self._swings[:, None], swing, stance)
         phase = int(np.floor(cycle * c.phases_per_cycle + 1e-9))
         return self._answer(self._swings, phase)
+
+    def _rising(self) -> Array:
+        """Feet (L, 3) on their way to the standing footholds."""
+        c = self._controller
+        if self._touchdown is None:
+            left = max(-self._time, 0.0) / self._dt
+            return self._feet + (c.home - self._feet) / (left + 1.0)
+        share = 2.0 * (1.0 + self._time / c.rise_duration)
+        if share < 1.0:
+            still = np.zeros_like(self._lifted)
+            return _arc(self._lifted, self._touchdown, still, still, np.full(c.robot.num_legs, share), c.apex)
+        s = min(share - 1.0, 1.0)
+        rise = (c.home - self._touchdown) * [0.0, 0.0, 1.0]
+        return self._touchdown + s**2 * (3.0 - 2.0 * s) * rise
 
     def _follow(self, wanted: Twist) -> None:
         """Move the command that is followed towards the one that is given."""

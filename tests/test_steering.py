@@ -8,6 +8,7 @@ from hexakin.exceptions import HexakinError, InvalidInputError, JointLimitError,
 from hexakin.feasibility import commanded_walk
 from hexakin.gait import GAITS, Gait, gait_of, in_groups, wave
 from hexakin.limits import slips
+from hexakin.rising import lying_q
 from hexakin.steering import SteeringController, Twist
 
 PLANE = hk.terrain.Plane()
@@ -111,6 +112,36 @@ def test_a_robot_that_lies_low_rises_first(athena):
     recording = walked(athena, controller, 2)
     assert recording.height[0] < 0.106 and recording.height[-1] == pytest.approx(0.12, abs=3e-3)
     assert np.diff(recording.height[:40]).max() < 0.002, "without a jerk"
+
+
+@pytest.mark.parametrize("engine", ["rigid", "pybullet"])
+@pytest.mark.parametrize("name", ["athena", "phantomx"])
+def test_a_robot_that_lies_on_its_torso_stands_up_and_walks(name, engine):
+    robot = hk.load_robot(name)
+    controller = SteeringController(robot, Twist(0.015), "ripple", cycle_duration=3.0, rise_duration=3.0)
+    recording = hk.simulate(
+        robot, PLANE, controller, engine=engine, time_step=0.002, max_cycles=2, duration=20.0,
+        q_start=lying_q(robot),
+    )  # fmt: skip
+    weight = robot.mass * hk.dynamics.GRAVITY
+    carried = recording.torso_force[0] + recording.limb_force[0]  # the phantomx lies on its coxae
+    assert carried == pytest.approx(weight, rel=0.1) and recording.foot_force[0].max() == 0.0
+    standing = recording.time > 3.2
+    assert recording.torso_force[standing].max() == 0.0
+    assert recording.height[standing] == pytest.approx(-controller.home[0, 2] + robot.foot_radius, abs=6e-3)
+    risen = int(np.searchsorted(recording.time, 3.0))
+    assert np.linalg.norm(recording.T_world_body[risen, :2, 3]) < 3e-3, "it rises where it lay"
+    assert recording.T_world_body[-1, :3, 3] @ robot.forward > 0.03
+    assert np.diff(recording.height).max() < 2.5 * 0.12 / 1.5 / 20.0, "without a jerk"
+
+
+def test_a_robot_that_lies_in_a_pose_it_cannot_have_is_named(athena):
+    q = np.array(athena.standing_q)
+    q[2, 1] = 3.0
+    with pytest.raises(JointLimitError, match="leg 3"):
+        hk.simulate(athena, PLANE, SteeringController(athena), q_start=q)
+    with pytest.raises(InvalidInputError, match="q_start"):
+        hk.simulate(athena, PLANE, SteeringController(athena), q_start=q[:4])
 
 
 def test_rolling_feet_touch_the_ground_at_rest(athena):
