@@ -276,8 +276,8 @@ def _check(arguments: dict[str, Any]) -> Gait:
         raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
     if not gait.has_equal_phases:
         raise InvalidInputError(
-            f"gait: the groups of {gait.name} do not swing one after the other in equal phases, as B's walk has it; "
-            "hexakin.steering.SteeringController walks any gait"
+            f"gait: swings of {gait.name} overlap or leave pauses; B's walk has one group swing after the other "
+            "(hexakin.steering.SteeringController walks any gait)"
         )
     check_whole("num_steps", a["num_steps"], at_least=1)
     check_whole("samples_per_step", a["samples_per_step"], at_least=2 * gait.phases_per_cycle)
