@@ -1,6 +1,7 @@
 # make reproduce   every notebook from top to bottom, as one browsable report
 # make test        lint, types, unit tests, notebook tests
 # make lab         JupyterLab
+# make reference   the library's reference, made of its docstrings
 # Each works as the first command; the set-up is done when it is needed.
 
 # The first Python 3.11 found; name another one with: make reproduce PYTHON=/path/to/python3.11
@@ -10,10 +11,10 @@ VENV := .venv
 RUN := $(VENV)/bin/python -m
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test lab notebooks environment generated clean
+.PHONY: help reproduce test lab reference notebooks environment generated clean
 
 help:
-	@sed -n '1,4s/^# //p' Makefile
+	@sed -n '1,5s/^# //p' Makefile
 
 reproduce: $(VENV)/installed
 	@$(RUN) hexakin.report notebooks report
@@ -27,6 +28,11 @@ test: $(VENV)/installed
 
 lab: $(VENV)/installed
 	$(RUN) jupyter lab notebooks
+
+# pdoc cannot evaluate the annotations of NamedTuples and shows them as they are written.
+reference: $(VENV)/installed
+	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -m pdoc --docformat numpy --output-directory report/reference hexakin
+	@echo "Reference: report/reference/index.html"
 
 # For maintainers: run the notebooks in place, so that their stored outputs are fresh.
 notebooks: $(VENV)/installed

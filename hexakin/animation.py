@@ -43,20 +43,24 @@ def animate(
 ) -> Animation:
     """Animate a walk.
 
+    Raises InvalidInputError for a motion of another robot, of fewer than two instants, whose time does not ascend, or
+    with a leg that has no angles throughout, and for arguments out of their range; UnknownNameError for an unknown
+    terrain or name in ``show``.
+
     Parameters
     ----------
-    robot:
+    robot
         The robot that moves.
-    motion:
+    motion
         What it did, plans or is told: a recording, a plan or a `hexakin.feasibility.Motion`, of at least two instants.
-    terrain:
+    terrain
         The ground, of which the surroundings of the walk are shown. None, or paper B's curves, which have no surface,
         leave it out; the ground that a plan says is below each foot is then a line.
-    speed:
+    speed
         How much faster than it is the walk is shown; 0.5 is half as fast. The page has a control for it.
-    follow:
+    follow
         Whether the camera goes along. In the page it can be turned, moved and zoomed with the mouse in either case.
-    show:
+    show
         Any of ``"forces"`` (normal forces as arrows along the ground's normal) and ``"zmp"`` (A(32)), which only a
         recording knows; ``"polygon"``, the support polygon of the feet that the ground carries; ``"traces"``, the paths
         of the feet so far.
@@ -66,10 +70,6 @@ def animate(
     Animation
         Legs are coloured as in the figures. A leg without angles, because its foot is out of reach, stays in its last
         pose, a red ball marks where the foot should be, and the page's heading says when.
-
-    Raises InvalidInputError for a motion of another robot, of fewer than two instants, whose time does not ascend, or
-    with a leg that has no angles throughout, and for arguments out of their range; UnknownNameError for an unknown
-    terrain or name in ``show``.
     """
     factor = check_number("speed", speed, above=0.0)
     if not isinstance(follow, bool):

@@ -27,9 +27,9 @@ def block_columns(terrain: Terrain, low: ArrayLike, high: ArrayLike) -> tuple[Ar
 
     Parameters
     ----------
-    terrain:
+    terrain
         Boxes, with or without level ground around them.
-    low, high:
+    low, high
         Corners of the window (x, y), (2,) [m].
 
     Returns

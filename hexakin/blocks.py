@@ -23,26 +23,26 @@ class Blocks:
 
     The paper gives blocks 0.1 and 0.2 m wide and 0.04 to 0.13 m high; how they lie is assumed here.
 
+    Where blocks meet, the higher one counts. Raises InvalidInputError for a parameter out of its range.
+
     Parameters
     ----------
-    size:
+    size
         Edge of a block [m]. One block is centred on the origin, so that a robot that starts there walks along the
         middle of a row and not along a joint.
-    heights:
+    heights
         Lowest and highest top [m], not below the ground. The heights are drawn between them from ``seed``.
-    max_step:
+    max_step
         Largest difference [m] between blocks that share an edge; None leaves every height independent. It does not
         bound the step up from the ground around the blocks.
-    extent:
+    extent
         (x_min, x_max, y_min, y_max) [m] to cover. The blocks that it touches are there as a whole: with the default,
         which ends at 0.8 m, blocks of 0.2 m end at 0.9 m.
-    level:
+    level
         Blocks whose centres lie within this distance [m] of the origin share one height, so that the robot starts on
         level ground; 0 switches that off.
-    seed:
+    seed
         A whole number; equal arguments make equal terrain.
-
-    Where blocks meet, the higher one counts. Raises InvalidInputError for a parameter out of its range.
     """
 
     size: float = 0.2

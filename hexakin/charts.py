@@ -65,16 +65,16 @@ def draw_boxes(
 
     Parameters
     ----------
-    summaries:
+    summaries
         For each engine (levels, repeats, 5): minimum, lower quartile, median, upper quartile, maximum, in the unit
         that ``ylabel`` names.
-    levels:
+    levels
         Numbers, which are placed to scale, or words, which are placed evenly.
-    xlabel, ylabel:
+    xlabel, ylabel
         With units.
-    paper:
+    paper
         Reported values (level, y), marked by a diamond.
-    colours:
+    colours
         Of the engines, by name; others take the colours of the legs in turn.
 
     Raises
@@ -204,22 +204,22 @@ def heat_map(
 ) -> None:
     """Draw a map of equal cells with a colour bar; up to 8 by 8 cells have their values printed.
 
+    Raises InvalidInputError for values of another shape or a marked level that the map does not have.
+
     Parameters
     ----------
-    values:
+    values
         (y levels, x levels): a row for each of ``y_levels``, which rise upwards.
-    x_levels, y_levels:
+    x_levels, y_levels
         What the columns and rows stand for.
-    label:
+    label
         Of the colour bar, with the unit of ``values``.
-    xlabel, ylabel:
+    xlabel, ylabel
         With units.
-    mark:
+    mark
         Levels (x, y) of a cell that gets a frame and a star, labelled "paper" for a legend.
-    limits:
+    limits
         Values at the ends of the colours, so that maps side by side can share them; None takes the map's own.
-
-    Raises InvalidInputError for values of another shape or a marked level that the map does not have.
     """
     shape = len(y_levels), len(x_levels)
     cells = check_array("values", values, shape, ("y level", "x level"))
@@ -280,17 +280,17 @@ def bar_effects(
 ) -> None:
     """Draw horizontal bars with intervals, such as main effects or sensitivity indices, from the top in their order.
 
+    Raises InvalidInputError for other shapes or an interval whose low end lies above its high end.
+
     Parameters
     ----------
-    names:
+    names
         Of the n effects.
-    values, low, high:
+    values, low, high
         Lengths of the bars and ends of their intervals, (n,), or (engines, n) for one bar of each engine side by side,
         labelled for a legend; in the unit that ``xlabel`` names.
-    engines:
+    engines
         Names of the engines, which give the colours; none for a single row of bars.
-
-    Raises InvalidInputError for other shapes or an interval whose low end lies above its high end.
     """
     shape = (len(engines), len(names)) if len(engines) else (len(names),)
     given = [

@@ -24,9 +24,9 @@ def hiding_planes(lower: ArrayLike, upper: ArrayLike, eye: ArrayLike) -> Array:
 
     Parameters
     ----------
-    lower, upper:
+    lower, upper
         Opposite corners of the boxes, (b, 3).
-    eye:
+    eye
         (3,), outside the boxes.
 
     Returns
@@ -76,11 +76,11 @@ def cut_hidden(polygons: ArrayLike, planes: Array, *, tolerance: float = 1e-6) -
 
     Parameters
     ----------
-    polygons:
+    polygons
         Convex and plane, (m, k, 3).
-    planes:
+    planes
         As `hiding_planes` returns them, (b, p, 4).
-    tolerance:
+    tolerance
         What lies less far inside is not hidden.
 
     Returns

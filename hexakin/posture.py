@@ -28,33 +28,33 @@ class PostureController:
 
     All gains zero are the paper's "simple control".
 
+    Raises InvalidInputError or UnknownNameError for a parameter out of its range.
+
     Parameters
     ----------
-    robot:
+    robot
         The robot to walk; six legs.
-    k_z, k_alpha, k_beta:
+    k_z, k_alpha, k_beta
         Gains in [0, 1] (A(27), A(29)).
-    stride, apex:
+    stride, apex
         Length and rise of a swing [m]; assumed, the paper gives neither.
-    phase_duration:
+    phase_duration
         t_g [s], the duration of one swing.
-    reading:
+    reading
         How A(28)-(31) move a stance foot. ``"as_printed"``: every foot by the same rotated displacement.
         ``"rotate_foothold"``: the foothold itself is turned too, so that the torso turns to the ground.
-    start_from:
+    start_from
         Where a phase begins: at the foot of the ``"actual"`` joint angles (A(12)) or of the last ``"command"``.
-    reference_height:
+    reference_height
         Height [m] to keep; None is the standing height of the robot.
-    first_phase:
+    first_phase
         ``"full_stride"`` from the standing footholds, or ``"half_stride"``, which centres the strokes on them.
-    estimate_every:
+    estimate_every
         Phases between estimates of slope and height: 1, or 2 for once a gait cycle.
-    extension_speed, max_extension:
+    extension_speed, max_extension
         How fast [m/s] and how far [m] feet without contact reach down for it at a phase change (A Fig. 6).
-    seed:
+    seed
         Chooses the triples of feet.
-
-    Raises InvalidInputError or UnknownNameError for a parameter out of its range.
     """
 
     robot: Robot

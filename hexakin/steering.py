@@ -42,30 +42,30 @@ STILL = Twist()
 class SteeringController:
     """A controller that follows velocity commands; for ``simulate`` and ``feasibility.commanded_walk``.
 
-    Parameters
-    ----------
-    robot:
-        The robot to walk.
-    twist:
-        The command, or a function of time [s] that returns it.
-    gait:
-        By name (``hexakin.gait.GAITS``) or a Gait.
-    cycle_duration:
-        Of the gait [s].
-    apex:
-        Rise of a swing [m].
-    body_height:
-        Of the body's origin over the ground [m]; None is the standing height.
-    response:
-        Cycles in which the followed command changes by as much as the largest one so far: legs start from home,
-        where the last to swing would otherwise be dragged through a whole stroke.
-    rise_duration:
-        Time [s] in which the feet are brought from where they are to the standing footholds before walking begins. If
-        the robot lies, they are put on the ground, all at once, in half of this time, and lift the body in the other.
-
     Raises InvalidInputError or UnknownNameError for parameters out of range and for a gait that leaves too few legs on
     the ground; UnreachableError or JointLimitError, naming the leg, if a constant command's strokes cannot be made, or,
     when it begins, if the feet of a robot that lies cannot be put on the ground.
+
+    Parameters
+    ----------
+    robot
+        The robot to walk.
+    twist
+        The command, or a function of time [s] that returns it.
+    gait
+        By name (``hexakin.gait.GAITS``) or a Gait.
+    cycle_duration
+        Of the gait [s].
+    apex
+        Rise of a swing [m].
+    body_height
+        Of the body's origin over the ground [m]; None is the standing height.
+    response
+        Cycles in which the followed command changes by as much as the largest one so far: legs start from home,
+        where the last to swing would otherwise be dragged through a whole stroke.
+    rise_duration
+        Time [s] in which the feet are brought from where they are to the standing footholds before walking begins. If
+        the robot lies, they are put on the ground, all at once, in half of this time, and lift the body in the other.
     """
 
     robot: Robot

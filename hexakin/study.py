@@ -42,20 +42,20 @@ except ImportError as error:
 class Study:
     """A function and the arguments of its calls.
 
+    Raises InvalidInputError for a run whose names differ from the first's or are the table's own, or whose values are
+    not plain.
+
     Parameters
     ----------
-    name:
+    name
         Names the result files.
-    trial:
+    trial
         Called with each run's arguments by keyword; returns the measured values by name (numbers, strings, None), the
         same names every time. It must be importable or picklable, and depend on nothing but its arguments.
         A SimulationError that it raises is a result: the row's ``status`` says it, its values are missing.
-    runs:
+    runs
         Arguments of each call: mappings with the same names, of plain values (finite numbers, strings, booleans, None).
         Equal ones are called once; 1 and 1.0 are equal.
-
-    Raises InvalidInputError for a run whose names differ from the first's or are the table's own, or whose values are
-    not plain.
     """
 
     name: str

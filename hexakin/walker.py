@@ -120,45 +120,45 @@ def plan_walk(
 ) -> WalkPlan:
     """Plan a walk over a terrain (B Steps 1-17).
 
+    Raises UnreachableError, JointLimitError, ClearanceError, InvalidInputError or UnknownNameError.
+
     Parameters
     ----------
-    robot, terrain:
+    robot, terrain
         Any robot that the gait fits; any terrain with heights and normals, or the curves of paper B.
-    num_steps, step_length, samples_per_step:
+    num_steps, step_length, samples_per_step
         Steps of ``step_length`` [m] along the walk; samples in each, at least two for a swing.
-    heading:
+    heading
         Direction of walking [rad] against the body's forward axis; the body does not turn.
-    body_height:
+    body_height
         Height [m] of the body's origin; None is that of the standing pose.
-    body_motion, amplitude, period:
+    body_motion, amplitude, period
         ``"fixed"``, or ``"sinusoidal"`` with this amplitude [m] and period [steps].
-    height_reference:
+    height_reference
         Body height counts from the mean of the legs' ``"footholds"``, or from their mean at the ``"start"``.
-    height_along:
+    height_along
         A body that is ``"parallel"`` has its height ``"vertical"`` over the mean of the footholds, as B(24)-(25) have
         it, or along its own ``"normal"``, which keeps the legs as they stand but moves the body downhill.
-    body_orientation:
+    body_orientation
         ``"level"``, ``"parallel"`` to the plane that fits the footholds best, or roll, pitch and yaw (3,) or
         (n, 3) [rad] about the body's x, y and z axes, for the n = num_steps * samples_per_step + 1 samples.
-    start, yaw:
+    start, yaw
         The place [m] around which the standing footholds lie and how the body is turned about the vertical [rad]. The
         body itself starts over the mean of the first footholds, up to a quarter step ahead by ``start_offsets``.
-    start_offsets:
+    start_offsets
         ``"stable"``: legs that swing later start ahead, so that all strokes are centred. ``"B15"`` and ``"B16"``: as
         the paper prints them, legs 2, 4, 6 behind by half a step, or leg 2 ahead and 4, 6 behind (B-E2).
-    first_group:
+    first_group
         Which group of the gait swings first.
-    arch:
+    arch
         Height of a swing in heights of the paper's cycloid, or ``"clear"``: for each swing the lowest, from 1 in
         quarters, that clears the terrain.
-    step_duration:
+    step_duration
         Duration of a step [s].
-    gait:
+    gait
         The gait; None is the tripod.
-    on_failure:
+    on_failure
         ``"raise"`` refuses a plan out of reach or limits, naming leg and time; ``"mark"`` returns it with flags.
-
-    Raises UnreachableError, JointLimitError, ClearanceError, InvalidInputError or UnknownNameError.
     """
     arguments = dict(locals())
     gait = _check(arguments)

@@ -95,18 +95,18 @@ def check(
     The robot is taken to be at rest at every instant (no inertia forces). Forces are those of the least joint torque
     with friction cones as pyramids of ``facets`` sides (``distribute``).
 
+    Raises InvalidInputError or UnknownNameError for what cannot be used, SolverError if a solver gave up.
+
     Parameters
     ----------
-    motion:
+    motion
         A plan (``plan_walk``), a controller's commands (``commanded_walk``), a recording or any ``Motion``.
-    terrain:
+    terrain
         That of the motion. Paper B's curves have no height away from the feet: knees and torso are not checked there.
-    friction:
+    friction
         Coefficient of friction between feet and ground.
-    clearance:
+    clearance
         Room [m] to keep between the ground and the knees, the torso and the feet in the air.
-
-    Raises InvalidInputError or UnknownNameError for what cannot be used, SolverError if a solver gave up.
     """
     check_robot(robot)
     check_number("clearance", clearance, at_least=0.0, unit="m")

@@ -65,21 +65,21 @@ def distribute(
 ) -> ForceDistribution:
     """Forces that hold the robot at rest at every instant with the least joint torque.
 
-    Parameters
-    ----------
-    T_world_body, q:
-        Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
-    carrying:
-        Which feet the ground carries, (n, L).
-    normals:
-        Unit normals of the ground under the feet, out of it, (n, L, 3) or one for all.
-    friction, facets:
-        Coefficient of friction, and how many sides the pyramids have that stand for the cones.
-    max_torque:
-        Limit of every joint [N m]; None is that of the robot's servo, ``inf`` is none.
-
     Raises InvalidInputError for shapes or values that cannot be used, and SolverError if a problem was neither solved
     nor shown to have no solution.
+
+    Parameters
+    ----------
+    T_world_body, q
+        Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
+    carrying
+        Which feet the ground carries, (n, L).
+    normals
+        Unit normals of the ground under the feet, out of it, (n, L, 3) or one for all.
+    friction, facets
+        Coefficient of friction, and how many sides the pyramids have that stand for the cones.
+    max_torque
+        Limit of every joint [N m]; None is that of the robot's servo, ``inf`` is none.
     """
     check_robot(robot)
     check_number("friction", friction, at_least=0.0)

@@ -22,16 +22,16 @@ def forces_from_torques(
     f = J^-T (g - tau), with the Jacobian J of the contact point and the leg's own weight g: the opposite question to
     ``distribute``'s. For the foot of a leg in the air it says what the leg's acceleration takes, zero at rest.
 
+    Raises InvalidInputError for shapes that do not fit and for a leg that is stretched straight.
+
     Parameters
     ----------
-    T_world_body, q:
+    T_world_body, q
         Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
-    torque:
+    torque
         Of the joints, (n, L, 3) [N m], positive along the angles.
-    normals:
+    normals
         Unit normals of the ground under the feet, (n, L, 3) or one for all.
-
-    Raises InvalidInputError for shapes that do not fit and for a leg that is stretched straight.
     """
     problem, tau = _problem(robot, T_world_body, q, torque, normals, "torque")
     condition = np.linalg.cond(problem.torque_map)

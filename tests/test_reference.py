@@ -1,0 +1,17 @@
+"""The API reference is made of the docstrings."""
+
+import subprocess
+import sys
+
+import hexakin as hk
+
+
+def test_the_reference_has_a_page_for_each_public_module_and_the_docstrings_in_it(tmp_path):
+    command = [sys.executable, "-m", "pdoc", "--docformat", "numpy", "--output-directory", str(tmp_path), "hexakin"]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    for module in hk._MODULES:
+        assert (tmp_path / "hexakin" / f"{module}.html").stat().st_size > 1000, module
+    page = (tmp_path / "hexakin.html").read_text(encoding="utf-8")
+    assert "inverse_kinematics" in page and "Joint angles that bring the feet" in page
+    steering = (tmp_path / "hexakin" / "steering.html").read_text(encoding="utf-8")
+    assert "rise_duration" in steering and "<h6" in steering, "sections of numpy's docstrings are headings"
