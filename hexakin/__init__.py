@@ -29,7 +29,7 @@ _NAMES = {
 }
 _MODULES = (
     "animation", "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait",
-    "kinematics", "measures", "paper", "posture", "stability", "stance", "steering", "studies", "study",
+    "kinematics", "measures", "paper", "posture", "sliders", "stability", "stance", "steering", "studies", "study",
     "support_region", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         measures,
         paper,
         posture,
+        sliders,
         stability,
         stance,
         steering,
