@@ -29,8 +29,8 @@ _NAMES = {
 }
 _MODULES = (
     "animation", "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait",
-    "kinematics", "measures", "paper", "posture", "rising", "stability", "stance", "steering", "studies", "study",
-    "support_region", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
+    "kinematics", "measures", "paper", "posture", "rising", "sliders", "stability", "stance", "steering", "studies",
+    "study", "support_region", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         paper,
         posture,
         rising,
+        sliders,
         stability,
         stance,
         steering,

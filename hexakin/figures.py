@@ -5,6 +5,7 @@ Nothing is computed here beyond what a drawing needs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -201,9 +202,15 @@ def draw_wireframe(
 def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
     """Plot one leg's three angles ``q`` (n, 3) [rad] in degrees over ``x`` (n,), with names of the robot's joints."""
     for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
-        ax.plot(np.asarray(x), angle, style, label=rf"$\{name}$")
+        ax.plot(np.asarray(x), angle, style, label=_symbol(name))
     ax.set_ylabel("angle [deg]")
     ax.margins(x=0.0)
+
+
+def _symbol(name: str) -> str:
+    """Return a joint's name as it is printed: theta_2 as the Greek letter with its index, a word as it is."""
+    greek = re.fullmatch(r"(alpha|beta|gamma|delta|theta|phi|psi)(?:_([A-Za-z0-9]+))?", name)
+    return name if greek is None else rf"$\{greek[1]}_{{{greek[2] or ''}}}$"
 
 
 def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
@@ -237,7 +244,7 @@ def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float],
         ax.plot(corner[0] + 28 * np.cos(arc), corner[1] + 28 * np.sin(arc), color=colour)
         ax.plot(corner[0] + [0, 45 * np.cos(start)], corner[1] + [0, 45 * np.sin(start)], ":", color=colour)
         middle = (start + end) / 2
-        text = r"$\theta_1$" if name == "mount" else rf"$\{name}$"
+        text = r"$\theta_1$" if name == "mount" else _symbol(name)
         ax.text(
             corner[0] + 40 * np.cos(middle),
             corner[1] + 40 * np.sin(middle),

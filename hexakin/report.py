@@ -42,8 +42,10 @@ def run_notebook(path: Path, report: Path) -> Page:
         path.stem,
     )
     client = nbclient.NotebookClient(
-        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
-    )
+        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}},
+        # Widgets in a page need a script from the net; without their state the page shows their pictures.
+        store_widget_state=False,
+    )  # fmt: skip
     start, failure = time.monotonic(), ""
     try:
         # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.

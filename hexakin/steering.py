@@ -168,7 +168,9 @@ class SteeringRun:
         share = c._gait.swing_share(cycle)
         landing = c.landing(self._twist)
         begins = ~np.isnan(share) & np.isnan(c._gait.swing_share(cycle - self._dt / c.cycle_duration))
-        begins |= ~np.isnan(share) & (self._time <= self._dt + 1e-12)
+        # At the first tick, swings that begin now; a leg that would be in the middle of one waits for its next.
+        duration = (1.0 - c._gait.duty_factor) * c.cycle_duration
+        begins |= (self._time <= self._dt + 1e-12) & (np.nan_to_num(share, nan=1.0) * duration <= self._dt + 1e-9)
         needed = np.linalg.norm(self._feet - c.home, axis=1) > _AT_HOME
         needed |= np.linalg.norm(c.velocity(self._twist, c.home), axis=1) > _STILL
         self._lifted = np.where(begins[:, None], self._feet, self._lifted)
@@ -178,7 +180,6 @@ class SteeringRun:
         for leg in np.flatnonzero(landed):  # between this tick and the last one
             since = np.mod(cycle - c._gait.offsets[leg] - (1.0 - c._gait.duty_factor) + 1e-9, 1.0) * c.cycle_duration
             stance[leg] = _moved(c, self._twist, landing, since)[leg]
-        duration = (1.0 - c._gait.duty_factor) * c.cycle_duration
         leaving, meeting = (duration * c.velocity(self._twist, feet) for feet in (self._lifted, landing))
         swing = _arc(self._lifted, landing, leaving, meeting, np.nan_to_num(share), c.apex)
         self._feet = np.where(self._swings[:, None], swing, stance)

@@ -1,5 +1,6 @@
 """What the figures show: blocks and what they hide, boxes, maps, bars, and the files they are written to."""
 
+import dataclasses
 import itertools
 
 import matplotlib
@@ -477,3 +478,18 @@ def test_a_gait_diagram_shows_each_foot_on_the_ground_for_its_share_of_time(athe
         assert np.isnan(gait.swing_share(middle)[round(bar.get_y() + 0.5 * bar.get_height())])
     np.testing.assert_allclose(shown, 3.0 * gait.duty_factor, atol=1e-9)
     plt.close("all")
+
+
+def test_joints_may_have_any_names(athena):
+    """Names that are no Greek letters are printed as they are."""
+    names = dict(zip(athena.table.joints, ("coxa", "hip_pitch", "phi_3"), strict=True))
+    rows = tuple(dataclasses.replace(row, theta=names.get(row.theta, row.theta)) for row in athena.table.rows)
+    table = dataclasses.replace(athena.table, rows=rows, joints=tuple(names.values()))
+    robot = dataclasses.replace(athena, table=table)
+    figure, axes = plt.subplots(3)
+    figures.plot_leg_angles(axes[0], [0.0, 1.0], np.zeros((2, 3)), robot)
+    axes[0].legend()
+    figures.draw_joint_angles(axes[1], axes[2], robot, robot.standing_q, 0)
+    figure.canvas.draw()
+    assert [line.get_label() for line in axes[0].lines] == ["coxa", "hip_pitch", r"$\phi_{3}$"]
+    plt.close(figure)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from hexakin import studies
+from hexakin.robot_file import robot_names
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -94,6 +95,25 @@ def test_the_example_of_a_check_prints_what_it_says(capsys):
     assert "not feasible: friction" in said and "a friction of 0.684" in said and "unloading" in said
     energy, region = (float(line) for line in said.splitlines()[-2:])
     assert 0.0 < energy < region
+
+
+def test_the_example_of_an_own_robot_walks_as_commanded_from_an_empty_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    section = README.split("## Your own robot")[1].split("\n## ")[0]
+    (tmp_path / "mine.yaml").write_text(section.split("```yaml\n")[1].split("```")[0], encoding="utf-8")
+    example = section.split("```python\n")[1].split("```")[0]
+    assert len(example.strip().splitlines()) <= 20
+    namespace = {}
+    exec(compile(example, "README.md", "exec"), namespace)
+    assert namespace["robot"].name not in robot_names()
+    said = capsys.readouterr().out
+    assert said.startswith("feasible") and "NO" not in said
+    margin, commanded, walked = (float(number) for number in re.findall(r"(-?\d\.\d{3}) m (?:within|forwards)", said))
+    assert margin > 0.0
+    # 4 cycles of 3 s at 0.03 m/s, less half of the 1.5 cycles in which the robot gets up to speed.
+    assert commanded == pytest.approx(0.03 * 3.0 * (4 - 0.5 * 1.5), rel=0.1)
+    assert walked == pytest.approx(commanded, rel=0.1)
+    assert (tmp_path / "walk.html").stat().st_size > 5e5
 
 
 def test_the_table_of_statements_is_computed_from_the_committed_results():

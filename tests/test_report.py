@@ -34,3 +34,11 @@ def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
 def test_a_folder_without_notebooks_is_named(tmp_path):
     with pytest.raises(InvalidInputError, match="no notebooks there"):
         main([str(tmp_path), str(tmp_path / "report")])
+
+
+def test_sliders_are_a_picture_in_the_report(tmp_path):
+    cell = "import hexakin as hk\nhk.sliders.body_pose(hk.load_robot('athena'))"
+    write(tmp_path, "a_slides", cell)
+    assert main([str(tmp_path), str(tmp_path / "report")]) == 0
+    page = (tmp_path / "report" / "a_slides.html").read_text()
+    assert 'src="data:image/png;base64,' in page and "widget-view" not in page

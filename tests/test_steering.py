@@ -107,6 +107,14 @@ def test_commands_may_change_on_the_way_and_a_stopped_robot_stands_on_all_feet_a
     assert jumps.max() < 0.02, "no foot jumps when the command does"
 
 
+@pytest.mark.parametrize("gait", GAITS)
+def test_no_joint_jumps_when_walking_begins(athena, gait):
+    """Nor a leg whose swing, by its phase offset, would already be under way."""
+    plan = commanded_walk(SteeringController(athena, Twist(0.01), gait, cycle_duration=4.0), PLANE, num_cycles=2)
+    speed = np.abs(np.diff(plan.q, axis=0)).max(axis=(1, 2)) / np.diff(plan.time)
+    assert speed[:40].max() <= 1.05 * speed[40:].max()
+
+
 def test_a_robot_that_lies_low_rises_first(athena):
     controller = SteeringController(athena, rise_duration=2.0, body_height=0.12)
     recording = walked(athena, controller, 2)
