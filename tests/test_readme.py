@@ -156,3 +156,12 @@ def test_what_the_readme_says_of_the_grid_and_of_foresight_is_in_the_results():
     skill = limits.foresight(walks, limits.failures(walks))
     assert f"Of {len(walks)} walks" in said and f"foretold {100 * skill.right['feasible']:.0f} % rightly" in said
     assert f"missed {100 * skill.missed['margin_polygon']:.0f} % of the failures" in said
+
+
+def test_what_the_readme_says_of_walks_by_velocity_commands_is_in_the_results():
+    table, _ = studies.results("manoeuvres")
+    assert (table.status == "ok").all() and (table.torso_contact == 0.0).all() and (table.num_cycles == 20).all()
+    said = " ".join(README.split())
+    assert f"In {len(table)} walks of 20 cycles" in said
+    assert f"within {100 * table.error.max():.1f} % of the command" in said
+    assert f"moved by more than {1e3 * table.slip_most.max():.1f} mm" in said
