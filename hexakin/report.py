@@ -1,7 +1,7 @@
 """Run every notebook in a fresh kernel and write them as one browsable HTML report.
 
-``python -m hexakin.report NOTEBOOKS REPORT`` reads the folder NOTEBOOKS and writes the folder REPORT. Its index shows the
-figures that the README beside NOTEBOOKS lists, if there is one.
+``python -m hexakin.report NOTEBOOKS REPORT`` reads the folder NOTEBOOKS and writes the folder REPORT. Its index
+shows the figures that the README beside NOTEBOOKS lists, if there is one.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import InvalidInputError, MissingPackageError
-from hexakin.report_figures import Figure, figure_table, find_pictures, judged_statements
+from hexakin.report_figures import Figure, checks_passed, figure_table, find_pictures, judged_statements
 from hexakin.report_index import write_index
 from hexakin.report_page import Page, title_of, write_page
 
@@ -27,7 +27,7 @@ except ImportError as error:
 
 
 def run(notebook: Any, folder: Path) -> tuple[float, str]:
-    """Execute a notebook in ``folder`` from top to bottom, in place: seconds, and the error that ended it or nothing."""
+    """Execute a notebook (an ``nbformat`` node) in ``folder``: seconds, and the error that ended it or ``""``."""
     client = nbclient.NotebookClient(
         notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     )
@@ -35,10 +35,16 @@ def run(notebook: Any, folder: Path) -> tuple[float, str]:
     try:
         # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.
         client.execute(stderr=subprocess.DEVNULL)
-    except nbclient.exceptions.CellExecutionError as error:
-        failure = f"{error.ename}: {error.evalue}"
-    except nbclient.exceptions.DeadKernelError as error:
-        failure = f"DeadKernelError: {error}"
+    except Exception as error:
+        if hasattr(client, "_async_cleanup_kernel_future"):
+            # nbclient has taken SIGINT or SIGTERM itself; it ends the kernel and then fails in one way or another.
+            raise KeyboardInterrupt from error
+        if isinstance(error, nbclient.exceptions.CellExecutionError):
+            failure = f"{error.ename}: {error.evalue}"
+        elif isinstance(error, nbclient.exceptions.DeadKernelError):
+            failure = f"DeadKernelError: {error}"
+        else:
+            raise
     return time.monotonic() - start, failure
 
 
@@ -58,15 +64,17 @@ def make_page(path: Path, report: Path, names: list[str], stored: bool = False) 
                 cell.outputs, cell.execution_count = [], None
         seconds, failure = run(notebook, path.parent)
         page = replace(page, seconds=seconds, error=failure)
-    page = replace(page, pictures=tuple(find_pictures(notebook, names)))
+    page = replace(page, checks=checks_passed(notebook.cells), pictures=tuple(find_pictures(notebook, names)))
     write_page(notebook, page, report)
     return page
 
 
 def missing_figures(figures: list[Figure], pages: list[Page]) -> list[str]:
-    """Names of the figures that a notebook should have drawn and did not, though it did not fail."""
-    drawn = {page.stem: {name for p in page.pictures for name in p.figures} for page in pages if not page.error}
-    return [f.name for f in figures if f.notebook in drawn and f.name not in drawn[f.notebook]]
+    """Names of the figures that should have a picture and have none, though no error explains it."""
+    drawn = {(page.stem, name) for page in pages for picture in page.pictures for name in picture.figures}
+    failed = {page.stem for page in pages if page.error}
+    wanted = [f for f in figures if f.status == "rebuilt" and f.notebook not in failed]
+    return [f.name for f in wanted if (f.notebook, f.name) not in drawn]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -89,9 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"[{number}/{len(paths)}] {path.stem} ...", end=" ", flush=True)
             names = [figure.name for figure in figures if figure.notebook == path.stem]
             page = pages[number - 1] = make_page(path, options.report, names, options.stored)
-            said = page.result if page.seconds is None else f"{page.seconds:.0f} s"
-            print(f"FAILED: {page.error}" if page.error and options.stored else said, end="", flush=True)
-            print(f"  FAILED: {page.error}" if page.error and not options.stored else "", flush=True)
+            took = "" if page.seconds is None else f"{page.seconds:.0f} s"
+            said = f"FAILED: {page.error}" if page.error else "" if took else page.result
+            print("  ".join(filter(None, (took, said))), flush=True)
     except KeyboardInterrupt:
         print(f"\nInterrupted; what was finished is in {options.report}/index.html", file=sys.stderr)
         return 130

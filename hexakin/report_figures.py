@@ -1,7 +1,7 @@
 """Which picture of an executed notebook shows which figure of the papers, and what is known of the figure.
 
-A picture shows the figures that the code names, as ``"A Fig. 10"`` in a string (a title, a label, an argument), since the
-picture before: what is written on it. A figure that is named again later stays with its first picture.
+A picture shows the figures that the code names, as ``"A Fig. 10"`` in a string (a title, a label, an argument), since
+the picture before: what is written on it. A figure that is named again later stays with its first picture.
 """
 
 from __future__ import annotations

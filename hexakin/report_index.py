@@ -47,9 +47,11 @@ class Card:
 
     @property
     def checks(self) -> str:
-        """How many checks passed in the picture's section."""
+        """How many checks passed in the picture's section; that there are none is said where nothing else is."""
         count = self.picture.checks if self.picture else 0
-        return f"{count or 'no'} check{'' if count == 1 else 's'} in its section" + (" passed" if count else "")
+        if count == 0:
+            return "" if self.statements else "no checks in its section of "
+        return f"{count} check{'' if count == 1 else 's'} passed in its section of "
 
     @property
     def counts(self) -> dict[str, dict[str, int]]:
@@ -57,9 +59,7 @@ class Card:
         return count_verdicts(self.statements)
 
 
-def cards(
-    figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[str, Sequence[Judged]]
-) -> list[Card]:
+def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[str, Sequence[Judged]]) -> list[Card]:
     """One card for each picture of figures that are rebuilt, in the table's order; one for each figure without."""
     made: list[Card] = []
     by_stem = {page.stem: page for page in pages}
@@ -99,17 +99,17 @@ def write_index(
 
 def _progress(pages: Sequence[Page]) -> str:
     ran = [page for page in pages if page.seconds is not None]
-    stored = sum(page.written and page.seconds is None for page in pages)
-    failed = sum(bool(page.error) for page in pages)
-    said = [f"{len(ran) - failed} of {len(pages)} notebooks ran to the end"]
-    if ran:
-        said[0] += f", in {sum(page.seconds or 0.0 for page in ran) / 60.0:.1f} min"
-    if failed:
-        said.append(f"{failed} failed")
-    if stored:
-        said.append(f"{stored} with stored outputs, not run")
-    if waiting := sum(not page.written for page in pages):
-        said.append(f"{waiting} not run")
+    well = [page for page in ran if not page.error]
+    seconds = sum(page.seconds or 0.0 for page in ran)
+    took = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.1f} min"
+    said = [f"{len(well)} of {len(pages)} notebooks ran to the end, in {took}"] if ran else [f"{len(pages)} notebooks"]
+    for count, what in (
+        (len(ran) - len(well), "failed"),
+        (sum(page.written and page.seconds is None for page in pages), "with stored outputs, not run"),
+        (sum(not page.written for page in pages), "not run"),
+    ):
+        if count:
+            said.append(f"{count} {what}")
     return "; ".join(said) + "."
 
 

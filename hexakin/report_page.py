@@ -6,6 +6,7 @@ Formulas are MathML, which browsers draw themselves: nbconvert's own pages leave
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -27,9 +28,10 @@ _TEMPLATE = Path(__file__).with_name("report_page.html")
 
 @dataclass(frozen=True)
 class Page:
-    """A notebook: whether its page is ``written``, the seconds its run took, its error, and the papers' figures in it.
+    """A notebook and what came of it.
 
-    ``seconds`` is None of a notebook that was not run, ``error`` is empty of one that did not fail.
+    ``written`` says whether its page is there; ``seconds`` is None of a notebook that was not run, ``error`` empty of
+    one that did not fail; ``checks`` counts those that passed, ``pictures`` are those of the papers' figures.
     """
 
     stem: str
@@ -37,6 +39,7 @@ class Page:
     written: bool = False
     seconds: float | None = None
     error: str = ""
+    checks: int = 0
     pictures: tuple[Picture, ...] = ()
 
     @property
@@ -93,10 +96,11 @@ def now() -> str:
 def mathml(latex: str, display: str = "inline") -> str:
     """LaTeX as MathML, or the LaTeX itself, marked as such, where it cannot be read."""
     source = latex.strip().strip("$")
-    try:
-        return latex2mathml.converter.convert(source, display=display)
-    except Exception:  # latex2mathml's errors have no common base
-        return f'<code class="latex">{escape(source)}</code>'
+    with suppress(Exception):  # latex2mathml's errors have no common base
+        made = latex2mathml.converter.convert(source, display=display)
+        if "\\" not in made:  # it leaves a command that it does not know as it stands
+            return made
+    return f'<code class="latex">{escape(source)}</code>'
 
 
 class _Renderer(IPythonRenderer):
