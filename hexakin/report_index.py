@@ -27,12 +27,13 @@ PACKAGES = (*provenance.PACKAGES, "casadi", "sympy", "pandas", "matplotlib", "me
 
 @dataclass(frozen=True)
 class Card:
-    """Figures that share a picture, or one without: its picture and where that stands, or why there is none."""
+    """Figures that share a picture, or one without: where it stands, or why it is missing, and its notebook's error."""
 
     figures: tuple[Figure, ...]
     notebook: str
     picture: Picture | None
     missing: str
+    error: str
     statements: tuple[Judged, ...]
 
     @property
@@ -71,7 +72,7 @@ def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[
         shown = [f for f in figures if f.notebook == figure.notebook and picture and f.name in picture.figures]
         said = tuple(s for f in shown or [figure] for s in statements.get(f.name, ()))
         missing = "" if picture else f"no picture; {page.stem}: {page.result}"
-        made.append(Card(tuple(shown or [figure]), page.stem, picture, missing, said))
+        made.append(Card(tuple(shown or [figure]), page.stem, picture, missing, page.error, said))
     return made
 
 

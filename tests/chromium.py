@@ -4,7 +4,6 @@ Protocol: https://chromedevtools.github.io/devtools-protocol
 """
 
 import base64
-import fcntl
 import json
 import os
 import select
@@ -30,6 +29,8 @@ OPTIONS = (
 
 def find():
     """Path of a browser, or None."""
+    if os.name != "posix":  # a pipe is handed over by the numbers of its ends
+        return None
     return next(filter(None, map(shutil.which, NAMES)), None)
 
 
@@ -37,6 +38,8 @@ class Browser:
     """One tab. ``complaints`` are errors of its console and requests that failed, ``requests`` what was asked for."""
 
     def __init__(self, profile):
+        import fcntl  # on POSIX systems alone
+
         to_browser, self._write = os.pipe()
         self._read, from_browser = os.pipe()
 

@@ -27,6 +27,7 @@ TABLE = """
 | A Fig. 16 | the ramp, again | `b_works` | rebuilt |
 | A Fig. 17 | what is never drawn | `a_fails` | rebuilt |
 | B Fig. 1 | a photograph | | left out |
+| B Fig. 2 | what is drawn before | `a_fails` | rebuilt |
 """
 
 
@@ -68,16 +69,16 @@ def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
     (tmp_path / "README.md").write_text(TABLE)
     folder = tmp_path / "notebooks"
     folder.mkdir()
-    write(folder, "a_fails", "assert True", "raise ValueError('a reason')", "print('never')  # 'A Fig. 17'")
+    write(folder, "a_fails", f"{DRAW}\n'B Fig. 2'", "raise ValueError('a reason')", "print('never')  # 'A Fig. 17'")
     write(folder, "b_works", f"print('after')\n{DRAW}\n'A Fig. 9(a)'; 'A Fig. 16(b)'", "assert 1 < 2")
     assert main([str(folder), str(tmp_path / "report")]) == 1
     printed = capsys.readouterr().out
     assert "FAILED: ValueError: a reason" in printed and "without a picture" not in printed
     assert "after" in (tmp_path / "report" / "b_works.html").read_text()
     index = (tmp_path / "report" / "index.html").read_text()
-    assert (
-        "1 of 2 notebooks ran to the end" in index and "1 failed" in index and "2 of the papers&#39; 4 figures" in index
-    )
+    assert "1 of 2 notebooks ran to the end" in index and "1 failed" in index
+    assert "3 of the papers&#39; 5 figures" in index
+    assert '>a_fails</a>, <span class="bad">which failed: ValueError: a reason' in index
     assert "no picture; a_fails: ValueError: a reason" in index
     assert 'href="b_works.html#A-Fig-9-a"' in index and "1 check passed in its section" in index
     assert "B Fig. 1, a photograph (left out)" in index
@@ -85,7 +86,7 @@ def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
 
 
 def test_a_figure_that_its_notebook_does_not_draw_is_named(tmp_path, capsys):
-    (tmp_path / "README.md").write_text(TABLE.replace("a_fails", "b_works"))
+    (tmp_path / "README.md").write_text(TABLE.split("| B Fig. 2")[0].replace("a_fails", "b_works"))
     (tmp_path / "notebooks").mkdir()
     write(tmp_path / "notebooks", "b_works", f"{DRAW}\n'A Fig. 9(a)'; 'A Fig. 16(b)'", "print('A Fig. 17')")
     assert main([str(tmp_path / "notebooks"), str(tmp_path / "report")]) == 1
