@@ -50,6 +50,7 @@ __all__ = [
     "change_percent",
     "claim",
     "counts",
+    "finding",
     "judge",
     "reported",
     "robustness",
@@ -232,12 +233,17 @@ def _cases(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 
 def _cell(row: Any) -> str:
+    return "no data" if row.verdict == "no data" else f"{finding(row)} {row.verdict}"
+
+
+def finding(row: Any) -> str:
+    """Effect of a row of ``verdicts`` with its 5th and 95th percentile, such as ``"+47.6 % [45.8, 48.7]"``."""
     if row.verdict == "no data":
-        return "no data"
+        return ""
     unit = f" {row.unit}" if row.unit else ""
     effect, low, high = (_three_digits(x) for x in (row.effect, row.low, row.high))
     sign = "+" if row.unit == "%" and not effect.startswith(("-", "0")) else ""
-    return f"{sign}{effect}{unit} [{low}, {high}] {row.verdict}"
+    return f"{sign}{effect}{unit} [{low}, {high}]"
 
 
 def _three_digits(x: float) -> str:

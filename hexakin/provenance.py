@@ -25,7 +25,7 @@ PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
 # Rooms that only draw, judge or store: no run's result depends on them.
 _BYSTANDERS = frozenset(
     ["__main__", "block_faces", "charts", "figure_style", "figures", "journal", "occlusion", "paper", "report"]
-    + ["robot_page", "robot_summary"]
+    + ["report_figures", "report_index", "report_page", "robot_page", "robot_summary"]
     + ["factorial", "sensitivity", "__init__", "provenance", "studies", "study", "tables", "verdicts"]
 )
 

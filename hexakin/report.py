@@ -1,48 +1,35 @@
 """Run every notebook in a fresh kernel and write them as one browsable HTML report.
 
-``python -m hexakin.report NOTEBOOKS REPORT`` reads the folder NOTEBOOKS and writes the folder REPORT.
+``python -m hexakin.report NOTEBOOKS REPORT`` reads the folder NOTEBOOKS and writes the folder REPORT. Its index
+shows the figures that the README beside NOTEBOOKS lists, if there is one.
 """
 
 from __future__ import annotations
 
 import argparse
-import html
-import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.report_figures import Figure, checks_passed, figure_table, find_pictures, judged_statements
+from hexakin.report_index import write_index
+from hexakin.report_page import Page, title_of, write_page
 
 try:
     import nbclient
-    import nbconvert
     import nbformat
 except ImportError as error:
     raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
 
 
-@dataclass(frozen=True)
-class Page:
-    """One executed notebook: its title, the seconds it took, and its error if it failed."""
-
-    path: Path
-    title: str
-    seconds: float
-    error: str
-
-
-def run_notebook(path: Path, report: Path) -> Page:
-    """Execute a notebook from top to bottom and write it as HTML, whether or not it fails on the way."""
-    notebook = nbformat.read(path, as_version=4)
-    title = next(
-        (line.lstrip("# ") for cell in notebook.cells for line in cell.source.splitlines() if line.startswith("# ")),
-        path.stem,
-    )
+def run(notebook: Any, folder: Path) -> tuple[float, str]:
+    """Execute a notebook (an ``nbformat`` node) in ``folder``: seconds, and the error that ended it or ``""``."""
     client = nbclient.NotebookClient(
-        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}},
+        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}},
         # Widgets in a page need a script from the net; without their state the page shows their pictures.
         store_widget_state=False,
     )  # fmt: skip
@@ -50,61 +37,81 @@ def run_notebook(path: Path, report: Path) -> Page:
     try:
         # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.
         client.execute(stderr=subprocess.DEVNULL)
-    except nbclient.exceptions.CellExecutionError as error:
-        failure = f"{error.ename}: {error.evalue}"
-    seconds = time.monotonic() - start
-    body, _ = nbconvert.HTMLExporter().from_notebook_node(notebook)
-    _write(report / f"{path.stem}.html", body)
-    return Page(path, title, seconds, failure)
+    except Exception as error:
+        if hasattr(client, "_async_cleanup_kernel_future"):
+            # nbclient has taken SIGINT or SIGTERM itself; it ends the kernel and then fails in one way or another.
+            raise KeyboardInterrupt from error
+        if isinstance(error, nbclient.exceptions.CellExecutionError):
+            failure = f"{error.ename}: {error.evalue}"
+        elif isinstance(error, nbclient.exceptions.DeadKernelError):
+            failure = f"DeadKernelError: {error}"
+        else:
+            raise
+    return time.monotonic() - start, failure
 
 
-def write_index(pages: list[Page], report: Path) -> Path:
-    """Write ``index.html``, a table of the pages with their run times."""
-    rows = "\n".join(
-        f'<tr><td><a href="{page.path.stem}.html">{html.escape(page.path.stem)}</a></td>'
-        f"<td>{html.escape(page.title)}</td><td>{page.seconds:.0f} s</td>"
-        f"<td>{html.escape(page.error) or 'ran to the end'}</td></tr>"
-        for page in pages
-    )
-    _write(
-        report / "index.html",
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>hexakin: report</title>\n'
-        "<style>body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}"
-        "table{border-collapse:collapse}td,th{border-bottom:1px solid #ccc;padding:.4em .8em;text-align:left}</style>"
-        "</head><body>\n<h1>hexakin: report</h1>\n"
-        "<p>Every notebook, run from top to bottom in a fresh kernel.</p>\n"
-        f"<table><tr><th>Notebook</th><th>Title</th><th>Run time</th><th>Result</th></tr>\n{rows}\n</table>\n"
-        "</body></html>\n",
-    )
-    return report / "index.html"
+def make_page(path: Path, report: Path, names: list[str], stored: bool = False) -> Page:
+    """Write a notebook's page, whether or not it fails on the way; with its ``stored`` outputs it is not run.
+
+    ``names`` are those of the figures to look for.
+    """
+    notebook = nbformat.read(path, as_version=4)
+    page = Page(path.stem, title_of(notebook, path.stem), written=True)
+    if stored:
+        errors = [o for cell in notebook.cells for o in cell.get("outputs", []) if o.output_type == "error"]
+        page = replace(page, error=f"{errors[0].ename}: {errors[0].evalue}" if errors else "")
+    else:
+        for cell in notebook.cells:
+            if cell.cell_type == "code":  # of a cell that is not reached, nothing is shown
+                cell.outputs, cell.execution_count = [], None
+        seconds, failure = run(notebook, path.parent)
+        page = replace(page, seconds=seconds, error=failure)
+    page = replace(page, checks=checks_passed(notebook.cells), pictures=tuple(find_pictures(notebook, names)))
+    write_page(notebook, page, report)
+    return page
 
 
-def _write(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+def missing_figures(figures: list[Figure], pages: list[Page]) -> list[str]:
+    """Names of the figures that should have a picture and have none, though no error explains it."""
+    drawn = {(page.stem, name) for page in pages for picture in page.pictures for name in picture.figures}
+    failed = {page.stem for page in pages if page.error}
+    wanted = [f for f in figures if f.status == "rebuilt" and f.notebook not in failed]
+    return [f.name for f in wanted if (f.notebook, f.name) not in drawn]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run all notebooks of a folder; the exit code is 1 if any failed."""
+    """Run all notebooks of a folder; the exit code is 1 if one failed or lacks a figure, 130 when interrupted."""
     parser = argparse.ArgumentParser(prog="python -m hexakin.report", description=__doc__)
     parser.add_argument("notebooks", type=Path)
     parser.add_argument("report", type=Path)
+    parser.add_argument("--stored", action="store_true", help="show the outputs that the notebooks hold; run nothing")
     options = parser.parse_args(arguments)
     paths = sorted(options.notebooks.glob("*.ipynb"))
     if not paths:
         raise InvalidInputError(f"{options.notebooks}: no notebooks there")
     options.report.mkdir(parents=True, exist_ok=True)
-    pages = []
-    for number, path in enumerate(paths, start=1):
-        print(f"[{number}/{len(paths)}] {path.stem} ...", end=" ", flush=True)
-        pages.append(run_notebook(path, options.report))
-        print(f"{pages[-1].seconds:.0f} s" + (f"  FAILED: {pages[-1].error}" if pages[-1].error else ""), flush=True)
-    index = write_index(pages, options.report)
-    failed = [page.path.stem for page in pages if page.error]
+    figures = figure_table(options.notebooks.resolve().parent / "README.md")
+    statements = judged_statements() if figures else {}
+    pages = [Page(path.stem, title_of(nbformat.read(path, as_version=4), path.stem)) for path in paths]
+    try:
+        for number, path in enumerate(paths, start=1):
+            index = write_index(pages, figures, statements, options.report)
+            print(f"[{number}/{len(paths)}] {path.stem} ...", end=" ", flush=True)
+            names = [figure.name for figure in figures if figure.notebook == path.stem]
+            page = pages[number - 1] = make_page(path, options.report, names, options.stored)
+            took = "" if page.seconds is None else f"{page.seconds:.0f} s"
+            said = f"FAILED: {page.error}" if page.error else "" if took else page.result
+            print("  ".join(filter(None, (took, said))), flush=True)
+    except KeyboardInterrupt:
+        print(f"\nInterrupted; what was finished is in {options.report}/index.html", file=sys.stderr)
+        return 130
+    index = write_index(pages, figures, statements, options.report)
+    failed = [page.stem for page in pages if page.error]
+    missing = missing_figures(figures, pages)
     print(f"Report: {index}" + (f" (failed: {', '.join(failed)})" if failed else ""))
-    return 1 if failed else 0
+    if missing:
+        print(f"Figures of the README's table without a picture: {', '.join(missing)}")
+    return 1 if failed or missing else 0
 
 
 if __name__ == "__main__":

@@ -197,7 +197,11 @@ def panels(tables: Mapping[str, pd.DataFrame], gains: Sequence[Mapping[str, floa
     return {m: {name: five_numbers(table, m, gains) for name, table in held.items()} for m in measures}
 
 
+def statement_verdicts() -> pd.DataFrame:
+    """Every statement of paper A judged from the committed sweeps, as ``hexakin.paper.verdicts`` does."""
+    return verdicts(pd.concat([results(f"{scenario}_sweeps")[0] for scenario in SCENARIOS]))
+
+
 def statements_table() -> str:
     """Every statement of paper A beside what the committed sweeps found, as the README's markdown table."""
-    sweeps_made = pd.concat([results(f"{scenario}_sweeps")[0] for scenario in SCENARIOS])
-    return summary(verdicts(sweeps_made))
+    return summary(statement_verdicts())

@@ -1,0 +1,152 @@
+"""The report's index: every figure with its picture and what is known of it, every notebook, and what made them."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from hexakin import __version__, provenance
+from hexakin.exceptions import MissingPackageError
+from hexakin.report_figures import Figure, Judged, Picture, count_verdicts
+from hexakin.report_page import Page, now, picture_file, write
+
+try:
+    import jinja2
+except ImportError as error:
+    raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
+
+_TEMPLATE = Path(__file__).with_name("report_index.html")
+PACKAGES = (*provenance.PACKAGES, "casadi", "sympy", "pandas", "matplotlib", "meshcat", "nbclient", "nbconvert")
+"""Packages whose versions the index gives."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """Figures that share a picture, or one without: where it stands, or why it is missing, and its notebook's error."""
+
+    figures: tuple[Figure, ...]
+    notebook: str
+    picture: Picture | None
+    missing: str
+    error: str
+    statements: tuple[Judged, ...]
+
+    @property
+    def image(self) -> str:
+        """Path of the picture's file, empty without one."""
+        return picture_file(self.picture) if self.picture else ""
+
+    @property
+    def link(self) -> str:
+        """Place of the picture in its notebook's page."""
+        return f"{self.notebook}.html#{self.picture.anchor}" if self.picture else ""
+
+    @property
+    def checks(self) -> str:
+        """How many checks passed in the picture's section; that there are none is said where nothing else is."""
+        count = self.picture.checks if self.picture else 0
+        if count == 0:
+            return "" if self.statements else "no checks in its section of "
+        return f"{count} check{'' if count == 1 else 's'} passed in its section of "
+
+    @property
+    def counts(self) -> dict[str, dict[str, int]]:
+        """The statements' verdicts, by engine."""
+        return count_verdicts(self.statements)
+
+
+def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[str, Sequence[Judged]]) -> list[Card]:
+    """One card for each picture of figures that are rebuilt, in the table's order; one for each figure without."""
+    made: list[Card] = []
+    by_stem = {page.stem: page for page in pages}
+    for figure in figures:
+        if figure.status != "rebuilt" or any(figure in card.figures for card in made):
+            continue
+        page = by_stem.get(figure.notebook, Page(figure.notebook, figure.notebook))
+        picture = next((p for p in page.pictures if figure.name in p.figures), None)
+        shown = [f for f in figures if f.notebook == figure.notebook and picture and f.name in picture.figures]
+        said = tuple(s for f in shown or [figure] for s in statements.get(f.name, ()))
+        missing = "" if picture else f"no picture; {page.stem}: {page.result}"
+        made.append(Card(tuple(shown or [figure]), page.stem, picture, missing, page.error, said))
+    return made
+
+
+def write_index(
+    pages: Sequence[Page], figures: Sequence[Figure], statements: Mapping[str, Sequence[Judged]], report: Path
+) -> Path:
+    """Write ``index.html``; ``pages`` may hold notebooks that have not run."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
+    sections = []
+    for paper in sorted({figure.name[0] for figure in figures}):
+        own = [figure for figure in figures if figure.name.startswith(paper)]
+        made = cards(own, pages, statements)
+        said = [statement for card in made for statement in card.statements]
+        left_out = [figure for figure in own if figure.status != "rebuilt"]
+        sections.append(
+            {"paper": paper, "cards": made, "number": len(said), "counts": count_verdicts(said), "left_out": left_out}
+        )
+    page = template.render(
+        progress=_progress(pages), drawn=_drawn(figures, pages), made=made_by(), pages=pages, sections=sections
+    )
+    write(report / "index.html", page)
+    return report / "index.html"
+
+
+def _progress(pages: Sequence[Page]) -> str:
+    ran = [page for page in pages if page.seconds is not None]
+    well = [page for page in ran if not page.error]
+    seconds = sum(page.seconds or 0.0 for page in ran)
+    took = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.1f} min"
+    said = [f"{len(well)} of {len(pages)} notebooks ran to the end, in {took}"] if ran else [f"{len(pages)} notebooks"]
+    for count, what in (
+        (len(ran) - len(well), "failed"),
+        (sum(page.written and page.seconds is None for page in pages), "with stored outputs, not run"),
+        (sum(not page.written for page in pages), "not run"),
+    ):
+        if count:
+            said.append(f"{count} {what}")
+    return "; ".join(said) + "."
+
+
+def _drawn(figures: Sequence[Figure], pages: Sequence[Page]) -> str:
+    if not figures:
+        return ""
+    names = {name for page in pages for picture in page.pictures for name in picture.figures}
+    count = sum(figure.name in names for figure in figures)
+    return f"{count} of the papers' {len(figures)} figures have a picture here."
+
+
+def made_by() -> dict[str, str]:
+    """When and on what the report was made: date, commit, machine, system, packages."""
+    machine = provenance.machine()
+    versions = {"Python": platform.python_version(), "hexakin": __version__}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    found = {"date": now()}
+    if "commit" in machine:
+        found["commit"] = machine["commit"]
+    found["machine"] = f"{_processor()}, {os.cpu_count()} cores"
+    found["system"] = _system()
+    found["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return found
+
+
+def _processor() -> str:
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _system() -> str:
+    with suppress(OSError):
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {platform.system()} {platform.release()}"
+    return platform.platform()

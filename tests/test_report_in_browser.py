@@ -1,0 +1,158 @@
+"""The report and the animations in a real browser, without a network."""
+
+import io
+import re
+import time
+from pathlib import Path
+
+import chromium
+import nbformat
+import numpy as np
+import pytest
+from PIL import Image
+
+import hexakin as hk
+from hexakin.report import main
+
+ROOT = Path(__file__).resolve().parent.parent
+WALK = """
+import hexakin as hk
+robot = hk.load_robot("hwr")
+plan = hk.plan_walk(robot, hk.terrain.Plane(), num_steps=2, step_length=0.05, samples_per_step=20)
+hk.animation.animate(robot, plan, hk.terrain.Plane(), speed=0.5)
+"""
+
+
+@pytest.fixture
+def browser(tmp_path):
+    if chromium.find() is None:
+        missing = f"no browser: none of {', '.join(chromium.NAMES)} is there (Debian: apt-get install chromium)"
+        (pytest.fail if chromium.REQUIRED else pytest.skip)(missing)
+    (tmp_path / "profile").mkdir()
+    opened = chromium.Browser(tmp_path / "profile")
+    yield opened
+    opened.close()
+
+
+def open_offline(browser, path, **size):
+    """Open a page that must complain of nothing, ask for nothing outside its folder and show every picture."""
+    browser.open(path, **size)
+    here = path.parent.resolve().as_uri()
+    assert [url for url in browser.requests if not url.startswith((here, "data:", "blob:", "about:"))] == []
+    pictures = browser.value("[...document.images].map(i => [i.complete && i.naturalWidth, i.src.slice(0, 80)])")
+    assert [source for width, source in pictures if not width] == []
+    assert browser.complaints == []
+    return len(pictures)
+
+
+def pixels(browser):
+    return np.asarray(Image.open(io.BytesIO(browser.screenshot())).convert("RGB")).astype(int)
+
+
+def test_the_browser_does_not_hide_what_is_wrong(browser, tmp_path):
+    for name, body in {
+        "request": '<img src="https://example.org/a.png">',
+        "missing": '<img src="a.png">',
+        "console": "<script>console.error('a reason')</script>",
+        "thrown": "<script>nowhere.at.all</script>",
+    }.items():
+        (tmp_path / f"{name}.html").write_text(f"<!DOCTYPE html><title>{name}</title>{body}")
+        with pytest.raises(AssertionError):
+            open_offline(browser, tmp_path / f"{name}.html")
+
+
+def test_a_page_shows_its_formulas_pictures_animation_and_error_offline(browser, tmp_path):
+    for name, cells in {
+        "a_fails": ["raise ValueError('a reason')"],
+        "b_draws": ["import matplotlib.pyplot as plt\nplt.plot([0, 1]);", WALK],
+        "c_formulas": ["import sympy\nsympy.Matrix([[sympy.Symbol('theta_1'), 0]])"],
+    }.items():
+        notebook = nbformat.v4.new_notebook(
+            cells=[nbformat.v4.new_markdown_cell(f"# {name}\n\nHere $\\tfrac{{a}}{{b}}$.")]
+        )
+        notebook.cells += [nbformat.v4.new_code_cell(cell) for cell in cells]
+        nbformat.write(notebook, tmp_path / f"{name}.ipynb")
+    report = tmp_path / "report"
+    assert main([str(tmp_path), str(report)]) == 1
+
+    open_offline(browser, report / "index.html")
+    assert "ValueError: a reason" in browser.value("document.body.innerText")
+    open_offline(browser, report / "a_fails.html")
+    assert "ValueError: a reason" in browser.value("document.body.innerText")
+
+    open_offline(browser, report / "c_formulas.html")
+    fraction, matrix = browser.value(
+        "['mfrac', 'mtable'].map(n => document.querySelector(n).getBoundingClientRect()).map(r => [r.width, r.height])"
+    )
+    assert min(fraction) > 3.0 and matrix[0] > matrix[1] > 10.0
+    assert "$" not in browser.value("document.querySelector('.jp-MarkdownCell').innerText")
+
+    assert open_offline(browser, report / "b_draws.html") == 1
+    browser.value("document.querySelector('iframe').scrollIntoView()")
+    frame = "document.querySelector('iframe').contentWindow.document"
+    assert browser.value(f"{frame}.querySelector('canvas').width") > 300
+    assert browser.value("(o => o.scrollWidth - o.clientWidth)(document.querySelector('iframe').parentElement)") == 0
+    clock = f"{frame}.getElementById('clock').innerText"
+    before, first = browser.value(clock), pixels(browser)
+    time.sleep(0.6)
+    assert browser.value(clock) != before and changed(first, pixels(browser)).sum() > 200
+    assert browser.complaints == []
+
+
+def changed(before, after):
+    return np.abs(after - before).max(axis=-1) > 20
+
+
+def test_an_animation_moves_the_robot_and_nothing_else_and_stops_when_asked(browser, tmp_path):
+    hwr, plane = hk.load_robot("hwr"), hk.terrain.Plane()
+    plan = hk.plan_walk(hwr, plane, num_steps=4, step_length=0.05, samples_per_step=20)
+    shown = hk.animation.animate(hwr, plan, plane, follow=False, show=())
+    path = shown.save(tmp_path / "walk.html")
+    open_offline(browser, path, width=800, height=600)
+    where = """(() => {
+        const box = new THREE.Box3().setFromObject(node("robot")), at = [];
+        for (const x of [box.min.x, box.max.x])
+            for (const y of [box.min.y, box.max.y])
+                for (const z of [box.min.z, box.max.z]) {
+                    const p = new THREE.Vector3(x, y, z).project(viewer.camera);
+                    at.push([400 * (1 + p.x), 300 * (1 - p.y)]);
+                }
+        return at;
+    })()"""
+    corners, first = [browser.value(where)], pixels(browser)
+    time.sleep(1.0)
+    corners.append(browser.value(where))
+    second = pixels(browser)
+    moved = changed(first, second)[:540]  # above the bar with the clock
+    (left, top), (right, bottom) = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    robot = np.zeros_like(moved)
+    robot[max(0, int(top) - 15) : int(bottom) + 15, max(0, int(left) - 15) : int(right) + 15] = True
+    assert moved[robot].sum() > 1000
+    assert moved[~robot].sum() < 0.05 * moved[robot].sum()  # its shadow
+    browser.value("play.click()")
+    time.sleep(0.2)
+    still = pixels(browser)
+    time.sleep(0.5)
+    assert not changed(still, pixels(browser)).any()
+    assert browser.complaints == []
+
+
+def test_every_page_of_the_report_is_whole_offline(browser, tmp_path):
+    report = tmp_path / "report"
+    assert main([str(ROOT / "notebooks"), str(report), "--stored"]) == 0
+    pages = {path.name for path in report.glob("*.html")}
+    assert pages == {f"{path.stem}.html" for path in (ROOT / "notebooks").glob("*.ipynb")} | {"index.html"}
+
+    for width in (1280, 400):
+        cards = open_offline(browser, report / "index.html", width=width)
+        assert cards == browser.value("document.querySelectorAll('.card').length") > 30
+        assert browser.value("document.documentElement.scrollWidth") <= width
+    links = browser.value("[...document.querySelectorAll('a')].map(a => a.getAttribute('href'))")
+    assert pages - {"index.html"} <= set(links)
+
+    for page in sorted(pages - {"index.html"}):
+        open_offline(browser, report / page)
+        assert browser.value("document.querySelectorAll('code.latex').length") == 0, f"{page}: a formula is not MathML"
+        for link in {link for link in links if link.startswith(f"{page}#")}:
+            anchor = re.sub(".*#", "", link)
+            assert browser.value(f"document.getElementById({anchor!r})?.querySelector('img')?.naturalWidth") > 0, link
