@@ -79,7 +79,10 @@ def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[
 def write_index(
     pages: Sequence[Page], figures: Sequence[Figure], statements: Mapping[str, Sequence[Judged]], report: Path
 ) -> Path:
-    """Write ``index.html``; ``pages`` may hold notebooks that have not run."""
+    """Write ``index.html``; ``pages`` may hold notebooks that have not run.
+
+    The library's reference is linked if it lies beside it, in ``reference``.
+    """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
     sections = []
@@ -92,8 +95,9 @@ def write_index(
             {"paper": paper, "cards": made, "number": len(said), "counts": count_verdicts(said), "left_out": left_out}
         )
     page = template.render(
-        progress=_progress(pages), drawn=_drawn(figures, pages), made=made_by(), pages=pages, sections=sections
-    )
+        progress=_progress(pages), drawn=_drawn(figures, pages), made=made_by(), pages=pages, sections=sections,
+        reference=(report / "reference" / "index.html").exists(),  # make reference
+    )  # fmt: skip
     write(report / "index.html", page)
     return report / "index.html"
 

@@ -136,6 +136,18 @@ def test_a_folder_without_notebooks_is_named(tmp_path):
         main([str(tmp_path), str(tmp_path / "report")])
 
 
+def test_a_reference_beside_the_report_is_linked(tmp_path):
+    write(tmp_path, "a_page", "1")
+    arguments = [str(tmp_path), str(tmp_path / "report"), "--stored"]
+    index = tmp_path / "report" / "index.html"
+    main(arguments)
+    assert "reference/index.html" not in index.read_text(encoding="utf-8")
+    (tmp_path / "report" / "reference").mkdir()
+    (tmp_path / "report" / "reference" / "index.html").write_text("", encoding="utf-8")
+    main(arguments)
+    assert 'href="reference/index.html"' in index.read_text(encoding="utf-8")
+
+
 def test_sliders_are_a_picture_in_the_report(tmp_path):
     cell = "import hexakin as hk\nhk.sliders.body_pose(hk.load_robot('athena'))"
     write(tmp_path, "a_slides", cell)
