@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin import numerical_inverse
+from hexakin.batch_kinematics import LIMIT_TOLERANCE, Solved, forward_of, inverse_of, jacobian_of, reach_of
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.leg_functions import closed_form, leg_functions, reach
+from hexakin.leg_functions import closed_form, reach
 from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points, wrapped
+from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, read_only, transform_points, wrapped
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 """Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
 
-_LIMIT_TOLERANCE = 1e-9  # [rad]: rounding must not push a pose on its limit out of it
-# Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since
-# a stretched leg's own forward kinematics lands outside by rounding.
-_REACH_TOLERANCE = 1e-12
+_CHUNK = 1024  # poses whose four branches are compared at a time: what that takes stays in the cache
 
 
 @dataclass(frozen=True)
@@ -53,9 +52,7 @@ def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     ``q`` (..., L, 3) [rad] -> (..., L, 3) [m]. Raises InvalidInputError for a wrong shape or an angle
     that is not finite, naming leg and joint.
     """
-    check_robot(robot)
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return leg_functions(robot.table).forward(robot.parameters, angles)
+    return _of_angles(forward_of, robot, q)
 
 
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
@@ -63,9 +60,20 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
 
     ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
     """
+    return _of_angles(jacobian_of, robot, q)
+
+
+def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array | None]], robot: Robot, q: ArrayLike) -> Array:
     check_robot(robot)
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return leg_functions(robot.table).jacobian(robot.parameters, angles)
+    ready = isinstance(q, np.ndarray) and q.dtype == float and q.ndim > 1 and q.shape[-2:] == (robot.num_legs, 3)
+    # The generated code looks for infinities and NaN itself; an array is looked through only if it has found one.
+    angles = q if ready else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    result = function_of(robot)(angles)
+    if result is None:
+        check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+        # Finite, but too large for the polynomials of a batch.
+        result = function_of(robot)(np.arctan2(np.sin(angles), np.cos(angles)))
+    return cast(Array, result)
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
@@ -105,16 +113,14 @@ def inverse_kinematics(
             foot, hint = np.broadcast_arrays(foot, hint)
         except ValueError as error:
             raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
-        solution = _nearest(_every(robot, foot), hint)
+        solution = _nearest(robot, foot, hint)
     elif branch == "all":
         solution = _every(robot, foot)
     elif not closed_form(robot.table):
         first = np.zeros(foot.shape[:-1], dtype=int)
         solution = _pick(_every(robot, foot), first, first)
     else:
-        index = standing_branch(robot)
-        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index][:, None, :])
-        solution = _pick(solution, np.zeros(foot.shape[:-1], dtype=int), np.broadcast_to(index, foot.shape[:-1]))
+        solution = _standing(robot, foot)
     if on_unreachable == "raise":
         _raise_if_unreachable(solution, many=branch == "all")
     return solution
@@ -220,13 +226,20 @@ def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
     # Branches, if any, stand between the legs and the joints.
     extra = (slice(None), *[None] * branches, slice(None))
     low, high = robot.q_min[extra], robot.q_max[extra]
-    return np.all((q >= low - _LIMIT_TOLERANCE) & (q <= high + _LIMIT_TOLERANCE), axis=-1)
+    return np.all((q >= low - LIMIT_TOLERANCE) & (q <= high + LIMIT_TOLERANCE), axis=-1)
 
 
 def _every(robot: Robot, foot: Array) -> InverseSolution:
     """All four branches for feet (..., L, 3)."""
     if closed_form(robot.table):
-        return _solve(robot, foot[..., None, :], BRANCH_SIGNS)
+        shape = foot.shape[:-1]
+        q, *rest = _on_every_branch(robot)(foot)
+        # Branch by branch in memory.
+        q = np.moveaxis(q.reshape(4, *shape, 3), 0, -2)
+        reachable, within, distance = (np.moveaxis(values.reshape(4, *shape), 0, -1) for values in rest)
+        index = np.broadcast_to(np.arange(4), (*shape, 4))
+        bounds = np.broadcast_to(_reach(robot)[:, None, :], (*shape, 4, 2))
+        return InverseSolution(q, reachable, within, index, distance, bounds)
     found = numerical_inverse.solve(robot, foot)
     middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
     q = middle + wrapped(found.q - middle)
@@ -250,23 +263,29 @@ def _followed(every: InverseSolution, start: Array) -> InverseSolution:
     return _pick(every, chosen, chosen)
 
 
-def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolution:
-    """Solve every branch in ``signs`` (b, 2) or (L, b, 2) for feet (..., L, 1, 3)."""
-    p = robot.parameters[:, None, :]
-    angles, clearance, outer, inner, distance, reach = leg_functions(robot.table).inverse(
-        p, foot, signs[..., 0], signs[..., 1]
-    )
-    shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, signs.shape[-2]))
-    bounds = np.stack([np.broadcast_to(bound, shape) for bound in reach], axis=-1)
-    tolerance = _REACH_TOLERANCE * bounds[..., 1] ** 2
-    reachable = np.broadcast_to((clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance), shape)
-    # Each angle within half a turn of the middle of its limits, so that no range is cut at +-pi.
-    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
-    q = middle + wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1) - middle)
-    q = np.where(reachable[..., None], q, np.nan)
-    indices = np.broadcast_to(np.arange(signs.shape[-2]), shape)
+@lru_cache(maxsize=64)
+def _on_every_branch(robot: Robot) -> Callable[[Array], Solved]:
+    return inverse_of(robot, BRANCH_SIGNS)
+
+
+@lru_cache(maxsize=64)
+def _on_standing_branch(robot: Robot) -> Callable[[Array], Solved]:
+    return inverse_of(robot, BRANCH_SIGNS[standing_branch(robot)][:, None, :])
+
+
+@lru_cache(maxsize=64)
+def _reach(robot: Robot) -> Array:
+    return read_only(reach_of(robot))
+
+
+def _standing(robot: Robot, foot: Array) -> InverseSolution:
+    """Each leg's standing branch for feet (..., L, 3)."""
+    shape = foot.shape[:-1]
+    q, *rest = (values[0] for values in _on_standing_branch(robot)(foot))
+    reachable, within, distance = (values.reshape(shape) for values in rest)
+    index = np.broadcast_to(standing_branch(robot), shape)
     return InverseSolution(
-        q, reachable, _inside(robot, q, branches=1), indices, np.broadcast_to(distance, shape), bounds
+        q.reshape(foot.shape), reachable, within, index, distance, np.broadcast_to(_reach(robot), (*shape, 2))
     )
 
 
@@ -281,7 +300,22 @@ def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray
     return InverseSolution(*taken, numerical=s.numerical)
 
 
-def _nearest(solution: InverseSolution, near: Array) -> InverseSolution:
+def _nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
+    """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
+    flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
+    parts = [
+        _nearest_of(_every(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK])
+        for k in range(0, max(1, len(flat)), _CHUNK)
+    ]
+    arrays = [
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("q", "reachable", "within_limits", "branch", "distance", "reach")
+    ]
+    shaped = (values.reshape(*foot.shape[:-2], *values.shape[1:]) for values in arrays)
+    return InverseSolution(*shaped, numerical=parts[0].numerical)
+
+
+def _nearest_of(solution: InverseSolution, near: Array) -> InverseSolution:
     change = np.abs(wrapped(solution.q - near[..., None, :])).max(axis=-1)
     # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
     position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)

@@ -107,7 +107,7 @@ def test_a_leg_with_an_offset_along_its_first_plane_has_its_inverse_derived(rng)
     """Joint b is displaced by d along its own axis, so that the foot's plane misses the first axis."""
     offset = table("classical", [("a", 0, "l2", "pi/2"), ("b", "d", "l3", 0), ("c", 0, "l4", 0)])
     namespace: dict = {}
-    exec(hk.symbolic.generate(offset), namespace)
+    exec(hexakin.code_generation.generate(offset), namespace)
     p = np.array([{"l2": 0.05, "l3": 0.1, "l4": 0.12, "d": 0.02}[name] for name in offset.parameters])
     q = rng.uniform(-1.4, 1.4, (1000, 3))
     foot = namespace["forward"](p, q)
