@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from hexakin.elementary import PER_TURN, TURN, to_half_turn
 from hexakin.leg_functions import LegFunctions, leg_functions
 from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array
+from hexakin.transforms import Array, read_only
 
 FEW = 64
 """Leg poses up to which Python's floats are used."""
@@ -218,10 +218,11 @@ def inverse_of(robot: Robot, signs: NDArray[np.int_]) -> _Inverse:
     return _Inverse(functions, np.array(every))
 
 
+@lru_cache(maxsize=64)
 def reach_of(robot: Robot) -> Array:
-    """Inner and outer reach (L, 2) [m] of each leg with a closed-form inverse."""
+    """Inner and outer reach (L, 2) [m] of each leg with a closed-form inverse; read-only."""
     bounds = leg_functions(robot.table).numeric.reach(robot.parameters.T)
-    return np.stack(np.broadcast_arrays(*bounds), axis=-1)
+    return read_only(_rows([*bounds], robot.num_legs).T)
 
 
 def _rows(constants: list, num_legs: int) -> Array:

@@ -15,7 +15,7 @@ from hexakin.batch_kinematics import LIMIT_TOLERANCE, Solved, forward_of, invers
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
 from hexakin.leg_functions import closed_form, reach
 from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, read_only, transform_points, wrapped
+from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points, wrapped
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 """Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
@@ -238,7 +238,7 @@ def _every(robot: Robot, foot: Array) -> InverseSolution:
         q = np.moveaxis(q.reshape(4, *shape, 3), 0, -2)
         reachable, within, distance = (np.moveaxis(values.reshape(4, *shape), 0, -1) for values in rest)
         index = np.broadcast_to(np.arange(4), (*shape, 4))
-        bounds = np.broadcast_to(_reach(robot)[:, None, :], (*shape, 4, 2))
+        bounds = np.broadcast_to(reach_of(robot)[:, None, :], (*shape, 4, 2))
         return InverseSolution(q, reachable, within, index, distance, bounds)
     found = numerical_inverse.solve(robot, foot)
     middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
@@ -274,8 +274,9 @@ def _on_standing_branch(robot: Robot) -> Callable[[Array], Solved]:
 
 
 @lru_cache(maxsize=64)
-def _reach(robot: Robot) -> Array:
-    return read_only(reach_of(robot))
+def _same_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], Array]:
+    """Branch and reach of legs in a result of ``shape`` (..., L): read-only views of one value each."""
+    return np.broadcast_to(standing_branch(robot), shape), np.broadcast_to(reach_of(robot), (*shape, 2))
 
 
 def _standing(robot: Robot, foot: Array) -> InverseSolution:
@@ -283,10 +284,8 @@ def _standing(robot: Robot, foot: Array) -> InverseSolution:
     shape = foot.shape[:-1]
     q, *rest = (values[0] for values in _on_standing_branch(robot)(foot))
     reachable, within, distance = (values.reshape(shape) for values in rest)
-    index = np.broadcast_to(standing_branch(robot), shape)
-    return InverseSolution(
-        q.reshape(foot.shape), reachable, within, index, distance, np.broadcast_to(_reach(robot), (*shape, 2))
-    )
+    index, bounds = _same_for_all(robot, shape)
+    return InverseSolution(q.reshape(foot.shape), reachable, within, index, distance, bounds)
 
 
 def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:
@@ -302,10 +301,12 @@ def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray
 
 def _nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
+    if foot.size <= 3 * _CHUNK:
+        return _nearest_of(_every(robot, foot), near)
     flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
     parts = [
         _nearest_of(_every(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK])
-        for k in range(0, max(1, len(flat)), _CHUNK)
+        for k in range(0, len(flat), _CHUNK)
     ]
     arrays = [
         np.concatenate([getattr(part, name) for part in parts])
