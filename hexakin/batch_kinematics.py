@@ -37,7 +37,7 @@ REACH_TOLERANCE = 1e-12
 """Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since a stretched
 leg's own forward kinematics lands outside by rounding."""
 
-_BLOCK = 6144  # leg poses: an array takes 48 kB, and NumPy's cost per call is still small
+_BLOCK = 8192  # leg poses: an array takes 64 kB, and a call of NumPy costs little beside its work
 _TILE = 192  # leg poses whose constants a compiled loop keeps in the first-level cache
 
 
@@ -175,14 +175,16 @@ class _Inverse:
         least += bounds[0]
         np.greater_equal(least, 0.0, out=result.reachable)
         np.copyto(result.within_limits, result.reachable)
-        lost = np.where(result.reachable, 0.0, np.nan)
+        all_reached = result.reachable.all()
         for k, angle in enumerate(angles):
             turns = np.rint((bounds[1 + k] - angle) * PER_TURN)
             turns *= TURN
-            angle = angle + turns
-            result.within_limits[...] &= angle >= bounds[4 + k]
-            result.within_limits[...] &= angle <= bounds[7 + k]
-            np.add(angle, lost, out=result.q[:, k])
+            turns += angle
+            result.within_limits[...] &= turns >= bounds[4 + k]
+            result.within_limits[...] &= turns <= bounds[7 + k]
+            if not all_reached:
+                turns[~result.reachable] = np.nan
+            result.q[:, k] = turns
         np.sqrt(square, out=result.distance)
 
 

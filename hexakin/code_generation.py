@@ -55,10 +55,11 @@ class _Program:
             rest = [self.lowered(argument) for argument in expression.args if argument not in own]
             if own:
                 held = expression.func(*own)
-                sign = -1 if held.could_extract_minus_sign() else 1
-                held = self.constant(sign * held)
-                rest = [sign, held, *rest] if expression.is_Mul else [sp.Mul(sign, held, evaluate=False), *rest]
-                rest = [part for part in rest if part != 1] if expression.is_Mul else rest
+                if held.could_extract_minus_sign() and not held.is_Number:
+                    minus = [-1, self.constant(-held)]
+                    rest[:0] = minus if expression.is_Mul else [sp.Mul(*minus, evaluate=False)]
+                else:
+                    rest.insert(0, self.constant(held))
             return expression.func(*rest, evaluate=False)
         if expression.is_Pow and expression.exp == 2 and not expression.base.is_Symbol:
             name = sp.Symbol(f"u{len(self.body)}", real=True)
@@ -114,44 +115,60 @@ def _factored(expression: sp.Expr, symbols: set[sp.Symbol]) -> sp.Expr:
     return best * _factored(inside, symbols) + _factored(outside, symbols)
 
 
+class angle(sp.Function):  # noqa: N801
+    """The angle of the vector (x, y) of known length: ``angle(y, x, length)``."""
+
+
 def _inverse_program(leg: LegKinematics) -> tuple[_Program, list[sp.Expr]]:
     """Program of the inverse: angles, clearance, outer, inner, square of the distance."""
     inverse = leg.inverse
     program = _Program(frozenset({*leg.parameters, inverse.side, inverse.knee}), "c")
-    names = {symbol: sp.Symbol(name, real=True) for symbol, name in zip((inverse.x, inverse.y, inverse.z), "xyz", strict=True)}
-    results = [*map(_one_angle, inverse.q), inverse.clearance, inverse.outer, inverse.inner, inverse.distance**2]
+    place = (inverse.x, inverse.y, inverse.z)
+    names = {symbol: sp.Symbol(name, real=True) for symbol, name in zip(place, "xyz", strict=True)}
+    first, second, third = inverse.q
+    scale = _exact_squares(inverse.outer + inverse.inner)
+    results = [_one_angle(first, inverse.side), _one_angle(second, inverse.side)]
+    # third = 2 knee atan2(...)
+    (half,) = third.atoms(sp.atan2)
+    results.append(third / half * angle(*half.args, sp.sqrt(scale)))
+    results += [inverse.clearance, inverse.outer, inverse.inner, inverse.distance**2]
     return program, program.add([], [result.xreplace(names) for result in results])
 
 
-def _one_angle(angle: sp.Expr) -> sp.Expr:
+def _one_angle(expression: sp.Expr, side: sp.Symbol) -> sp.Expr:
     """Write a difference of two vectors' angles as one angle, up to whole turns, without sine or cosine.
 
-    The sine and cosine of twice an angle are rational in its vector, and a vector's length does not matter.
+    For a foot within reach the two vectors are equally long: they are sides of a parallelogram's halves.
     """
-    if not angle.is_Add:
-        return angle
-    (y_1, x_1), (y_2, x_2) = (
-        _without_sines(*term.args) if sign > 0 else _without_sines(*(-term).args)
-        for sign in (1, -1)
-        for term in angle.args
-        if (sign > 0) == isinstance(term, sp.atan2)
-    )
-    return sp.atan2(y_1 * x_2 - x_1 * y_2, x_1 * x_2 + y_1 * y_2)
+    if not expression.is_Add:
+        y, x = expression.args
+        return angle(y, x, sp.sqrt((y**2 + x**2).subs(side**2, 1)))
+    positive, negative = sorted(expression.args, key=lambda term: not isinstance(term, sp.atan2))
+    y_1, x_1 = positive.args
+    y_2, x_2, scale = _without_sines(*(-negative).args)
+    length = scale * (y_1**2 + x_1**2).subs(side**2, 1)
+    return angle(y_1 * x_2 - x_1 * y_2, x_1 * x_2 + y_1 * y_2, length)
 
 
-def _without_sines(y: sp.Expr, x: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    calls = sorted((y + x).atoms(sp.sin, sp.cos), key=sp.default_sort_key)
-    calls = [call for call in calls if call.has(sp.atan2)]
+def _without_sines(y: sp.Expr, x: sp.Expr) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+    """Return a vector whose sines and cosines are of twice an angle as a rational one, and by what it became longer."""
+    calls = [call for call in (y + x).atoms(sp.sin, sp.cos) if call.has(sp.atan2)]
     if not calls:
-        return y, x
+        return y, x, sp.Integer(1)
     (half,) = calls[0].args[0].atoms(sp.atan2)
     knee = calls[0].args[0] / (2 * half)
-    s, c, length = sp.Dummy("s"), sp.Dummy("c"), sp.Dummy("length")
+    s, c, scale = sp.Dummy("s"), sp.Dummy("c"), sp.Dummy("scale")
     # knee^2 = 1. The vector is multiplied by the square of the half angle's length.
-    double = {call: (2 * knee * s * c if call.func == sp.sin else c**2 - s**2) / length for call in calls}
-    values = {length: half.args[0] ** 2 + half.args[1] ** 2, s: half.args[0], c: half.args[1]}
-    y, x = (sp.expand(part.xreplace(double) * length, deep=False).xreplace(values) for part in (y, x))
-    return y, x
+    double = {call: (2 * knee * s * c if call.func == sp.sin else c**2 - s**2) / scale for call in calls}
+    squares = _exact_squares(half.args[0] ** 2 + half.args[1] ** 2)
+    values = {scale: squares, s: half.args[0], c: half.args[1]}
+    y, x = (sp.expand(part.xreplace(double) * scale, deep=False).xreplace(values) for part in (y, x))
+    return y, x, squares
+
+
+def _exact_squares(expression: sp.Expr) -> sp.Expr:
+    """Sum of the room to both bounds of the reach, a constant of the leg: what one gains the other loses."""
+    return sp.expand(expression.replace(sp.Max, lambda *args: next(argument for argument in args if argument != 0)))
 
 
 # --- printing ----------------------------------------------------------------------------------------------
@@ -170,6 +187,10 @@ class _Printer(PythonCodePrinter):
 
     _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
 
+    def _print_angle(self, expression: angle) -> str:
+        given = expression.args if self.names["angle"] == "angle" else expression.args[:2]
+        return f"{self.names['angle']}({', '.join(map(self._print, given))})"
+
     def _print_Pow(self, expression: sp.Pow, **_: object) -> str:
         base = self._print(expression.base)
         if expression.exp == sp.Rational(1, 2):
@@ -179,11 +200,11 @@ class _Printer(PythonCodePrinter):
         return f"({base})**({self._print(expression.exp)})"
 
 
-_SCALAR = _Printer({"sqrt": "sqrt", "atan2": "atan2", "Max": "max", "Abs": "abs"})
-_ARRAYS = _Printer({"sqrt": "numpy.sqrt", "atan2": "arctan2", "Max": "numpy.maximum", "Abs": "numpy.abs"})
-_LOOPS = _Printer({"sqrt": "sqrt", "atan2": "arctan2", "Max": "maximum", "Abs": "abs"})
+_SCALAR = _Printer({"sqrt": "sqrt", "angle": "atan2", "Max": "max", "Abs": "abs"})
+_ARRAYS = _Printer({"sqrt": "numpy.sqrt", "angle": "angle", "Max": "numpy.maximum", "Abs": "numpy.abs"})
+_LOOPS = _Printer({"sqrt": "sqrt", "angle": "angle", "Max": "maximum", "Abs": "abs"})
 _CONSTANTS = _Printer(
-    {f: f"numpy.{f}" for f in ("sin", "cos", "sqrt", "sign")} | {"atan2": "numpy.arctan2", "Max": "numpy.maximum", "Abs": "numpy.abs"}
+    {f: f"numpy.{f}" for f in ("sin", "cos", "sqrt", "sign")} | {"Max": "numpy.maximum", "Abs": "numpy.abs"}
 )
 
 
@@ -352,10 +373,10 @@ def generate(table: LegTable) -> Sources:
         numeric += _of_feet(*inverse, leg)
         loops += _foot_loops(*inverse)
     head = _HEAD.format(what="Kinematics", key=table.type_key)
-    head += f"from hexakin.elementary import PER_TURN, TURN, arctan2, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
+    head += f"from hexakin.elementary import PER_TURN, TURN, angle, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
     loops_head = _HEAD.format(what="Compiled loops", key=table.type_key)
     loops_head += (
-        "from hexakin.compiled_elementary import arctan2, contracted, kernel, maximum, rounded, sincos, to_half_turn\n"
+        "from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn\n"
         "from hexakin.elementary import PER_TURN, TURN\n\n\n"
     )
     return Sources((head + numeric).rstrip() + "\n", (loops_head + loops).rstrip() + "\n")

@@ -23,7 +23,7 @@ from hexakin.elementary import (
 )
 from hexakin.transforms import Array
 
-__all__ = ["arctan2", "contracted", "kernel", "maximum", "rounded", "sincos", "to_half_turn"]
+__all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos", "to_half_turn"]
 
 _N1, _N2, _N3, _N4 = TAN_NUMERATOR[1:]
 _D1, _D2, _D3, _D4 = TAN_DENOMINATOR[1:]
@@ -35,8 +35,10 @@ def sincos(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle up to ``HALF_TURN`` [rad]."""
     y = 0.5 * x
     z = y * y
-    n = ((((_N4 * z + _N3) * z + _N2) * z + _N1) * z + 1.0) * y
-    d = (((_D4 * z + _D3) * z + _D2) * z + _D1) * z + 1.0
+    # Short chains of operations, many at once (Estrin's scheme).
+    zz = z * z
+    n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + 1.0)) * y
+    d = ((_D4 * zz + (_D3 * z + _D2)) * zz) + (_D1 * z + 1.0)
     scale = 1.0 / (d * d + n * n)
     return (n + n) * d * scale, (d * d - n * n) * scale
 
@@ -54,17 +56,19 @@ def maximum(a: float, b: float) -> float:
 
 
 @contracted
-def arctan2(y: float, x: float) -> float:
-    """Angle [rad] of the vector (``x``, ``y``); 0 of the zero vector."""
+def angle(y: float, x: float, length: float) -> float:
+    """Angle [rad] of the vector (``x``, ``y``) of known ``length``; 0 of the zero vector."""
     a, b = abs(x), abs(y)
     larger, smaller = (a, b) if a > b else (b, a)
-    t = smaller / maximum(larger + math.sqrt(larger * larger + smaller * smaller), TINY)
+    t = smaller / maximum(larger + length, TINY)
     z = t * t
-    high = ((((_A10 * z + _A9) * z + _A8) * z + _A7) * z + _A6) * z + _A5
-    t *= ((((high * z + _A4) * z + _A3) * z + _A2) * z + _A1) * z + _A0
+    zz = z * z
+    low = (_A3 * z + _A2) * zz + (_A1 * z + _A0)
+    high = (_A10 * zz + (_A9 * z + _A8)) * (zz * zz) + ((_A7 * z + _A6) * zz + (_A5 * z + _A4))
+    t *= high * (zz * zz) + low
     t = 0.5 * math.pi - t if b > a else t
     t = math.pi - t if x < 0.0 else t
-    return math.copysign(t, y)
+    return -t if y < 0.0 else t
 
 
 @contracted
@@ -76,10 +80,10 @@ def to_half_turn(angles: Array, scratch: Array) -> int:
     far, lost = 0, 0
     for k in range(angles.shape[0]):
         far += not (abs(angles[k]) <= HALF_TURN)
-        lost += not (abs(angles[k]) <= LARGEST)
     if far == 0:
         return 0
     for k in range(angles.shape[0]):
+        lost += not (abs(angles[k]) <= LARGEST)
         turns = rounded(angles[k] * PER_TURN)
         scratch[k] = (angles[k] - turns * TURN_HIGH) - turns * TURN_LOW
     return 2 if lost > 0 else 1

@@ -10,7 +10,7 @@ ones in loops that become vector instructions.
   most tan(pi/8): a polynomial of degree 10 in the square.
 
 ``tests/test_elementary.py`` derives the coefficients again. Errors: 5e-16 of sine and cosine of every argument up to
-``LARGEST``, 1e-15 rad of the angle of a vector between 1e-150 and 1e150 long.
+``LARGEST``, 1e-15 rad of an angle.
 """
 
 from __future__ import annotations
@@ -80,17 +80,14 @@ def sincos(x: Array) -> tuple[Array, Array]:
     return sine, cosine
 
 
-def arctan2(y: Array, x: Array) -> Array:
-    """Angle [rad] of vectors (``x``, ``y``) in [-pi, pi]; 0 of the zero vector, whatever the signs of its zeros."""
+def angle(y: Array, x: Array, length: Array) -> Array:
+    """Angle [rad] of vectors (``x``, ``y``) of known ``length`` in [-pi, pi]; 0 of the zero vector, whatever its signs."""
     a, b = np.abs(x), np.abs(y)
-    larger = np.maximum(a, b)
     t = np.minimum(a, b)
-    length = larger * larger
-    length += t * t
-    np.sqrt(length, out=length)
-    length += larger
-    np.maximum(length, TINY, out=length)
-    t /= length
+    divisor = np.maximum(a, b)
+    divisor += length
+    np.maximum(divisor, TINY, out=divisor)
+    t /= divisor
     t *= _polynomial(t * t, TWICE_ATAN)
     # Mirrored at 45 degrees where b is the larger, then at 90 degrees where x is negative; sign is 1 or -1.
     a -= b
@@ -104,7 +101,7 @@ def arctan2(y: Array, x: Array) -> Array:
     sign -= 1.0
     sign *= 0.5 * np.pi
     t -= sign
-    return np.copysign(t, y, out=t)
+    return np.copysign(t, y + 0.0, out=t)
 
 
 def _polynomial(x: Array, coefficients: tuple[float, ...]) -> Array:

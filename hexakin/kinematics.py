@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,15 +65,18 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
 
 def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array | None]], robot: Robot, q: ArrayLike) -> Array:
     check_robot(robot)
-    ready = isinstance(q, np.ndarray) and q.dtype == float and q.ndim > 1 and q.shape[-2:] == (robot.num_legs, 3)
-    # The generated code looks for infinities and NaN itself; an array is looked through only if it has found one.
-    angles = q if ready else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    # The generated code finds infinities and NaN itself; an array is looked through only if it has.
+    angles = q if _fits(robot, q) else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     result = function_of(robot)(angles)
     if result is None:
         check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
         # Finite, but too large for the polynomials of a batch.
         result = function_of(robot)(np.arctan2(np.sin(angles), np.cos(angles)))
     return cast(Array, result)
+
+
+def _fits(robot: Robot, values: ArrayLike) -> TypeGuard[Array]:
+    return isinstance(values, np.ndarray) and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
@@ -100,7 +103,8 @@ def inverse_kinematics(
     UnknownNameError for an unknown option.
     """
     check_robot(robot)
-    foot = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    ready = _fits(robot, p_body_foot) and near is None and closed_form(robot.table)
+    foot = p_body_foot if ready else check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
     if not isinstance(branch, str) or branch not in ("standing", "all"):
         raise UnknownNameError("branch", branch, ["standing", "all"])
     if on_unreachable not in ("mark", "raise"):
@@ -116,11 +120,13 @@ def inverse_kinematics(
         solution = _nearest(robot, foot, hint)
     elif branch == "all":
         solution = _every(robot, foot)
-    elif not closed_form(robot.table):
+    elif not (ready or closed_form(robot.table)):
         first = np.zeros(foot.shape[:-1], dtype=int)
         solution = _pick(_every(robot, foot), first, first)
     else:
         solution = _standing(robot, foot)
+    if ready and not np.isfinite(solution.distance.sum()):
+        check_array("p_body_foot", foot, (robot.num_legs, 3), ("leg", "coordinate"))
     if on_unreachable == "raise":
         _raise_if_unreachable(solution, many=branch == "all")
     return solution

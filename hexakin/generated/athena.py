@@ -8,7 +8,7 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.elementary import PER_TURN, TURN, arctan2, sincos
+from hexakin.elementary import PER_TURN, TURN, angle, sincos
 
 CLOSED_FORM = True
 
@@ -28,8 +28,8 @@ def forward_scalar(constants, angles):
         s_1 = k1*s2 + k2*s1
         k_2 = -c0*s0 + c1*k0
         k_3 = k1*k2 - s1*s2
-        t0 = c2*k1 + c3*k_3 + 1*c4
-        result += (1*c5 + k_2*t0, 1*c6 + s_0*t0, c2*s1 + c3*s_1)
+        t0 = c2*k1 + c3*k_3 + c4
+        result += (c5 + k_2*t0, c6 + s_0*t0, c2*s1 + c3*s_1)
     return result
 
 
@@ -41,8 +41,8 @@ def forward_arrays(constants, angles):
     s_1 = k1*s2 + k2*s1
     k_2 = -c0*s0 + c1*k0
     k_3 = k1*k2 - s1*s2
-    t0 = c2*k1 + c3*k_3 + 1*c4
-    return 1*c5 + k_2*t0, 1*c6 + s_0*t0, c2*s1 + c3*s_1
+    t0 = c2*k1 + c3*k_3 + c4
+    return c5 + k_2*t0, c6 + s_0*t0, c2*s1 + c3*s_1
 
 
 def jacobian_constants(p):
@@ -62,7 +62,7 @@ def jacobian_scalar(constants, angles):
         k_3 = k1*k2 - s1*s2
         t0 = c2*k_3
         t1 = c3*k1 + t0
-        t2 = 1*c4 + t1
+        t2 = c4 + t1
         t3 = c2*s_1
         t4 = -c3*s1 - t3
         result += (-s_0*t2, k_2*t4, -k_2*t3, k_2*t2, s_0*t4, -s_0*t3, 0, t1, t0)
@@ -79,7 +79,7 @@ def jacobian_arrays(constants, angles):
     k_3 = k1*k2 - s1*s2
     t0 = c2*k_3
     t1 = c3*k1 + t0
-    t2 = 1*c4 + t1
+    t2 = c4 + t1
     t3 = c2*s_1
     t4 = -c3*s1 - t3
     return -s_0*t2, k_2*t4, -k_2*t3, k_2*t2, s_0*t4, -s_0*t3, 0, t1, t0
@@ -88,7 +88,7 @@ def jacobian_arrays(constants, angles):
 def inverse_constants(p, side, knee):
     """Constants of legs with parameters ``p`` (n, ...)."""
     (p0, p1, p2, p3, p4, ) = p
-    return [p1*numpy.sin(p0), p1*numpy.cos(p0), numpy.cos(p0), numpy.sin(p0), side, p2, (p3 - p4)**(2), numpy.sign(p3*p4), (p3 + p4)**(2), 2*knee*p4, p3, p4, 2*knee]
+    return [p1*numpy.sin(p0), p1*numpy.cos(p0), numpy.cos(p0), numpy.sin(p0), side, p2, (p3 + p4)**(2), numpy.sign(p3*p4), (p3 - p4)**(2), p4, 4*(p3*p3)*p4*numpy.sign(p3*p4), 2*knee*p4, 4*p3*p4*numpy.sign(p3*p4), 2*numpy.sqrt(p3*p4*numpy.sign(p3*p4)), 2*knee]
 
 
 def reach(p):
@@ -100,23 +100,24 @@ def reach(p):
 def inverse_scalar(constants, feet):
     """Angles, whether reachable and within the limits, and distance, leg by leg."""
     angles, reachable, within, distance = [], [], [], []
-    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
+    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
         t2 = -c0 + y
         t3 = -c1 + x
         t4 = c2*t2 - c3*t3
         t5 = c2*t3 + c3*t2
         t6 = (t4*t4) + (t5*t5)
-        t7 = c4*sqrt(t6) - c5
-        t9 = (t7*t7) + (z*z)
-        t10 = c7*(-c6 + t9)
-        t11 = max(0, t10)
-        t12 = sqrt(t11)
-        t13 = c7*(1*c8 - t9)
-        t14 = max(0, t13)
-        t15 = sqrt(t14)
-        t17 = c9*t12*t15
-        t18 = c10*(t11 + t14) + c11*(t11 - t14)
-        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4, c4*t5), atan2(-t17*t7 + t18*z, t17*z + t18*t7), c12*atan2(t15, t12), t6, t13, t10, t9
+        t7 = sqrt(t6)
+        t10 = c4*t7 - c5
+        t11 = (t10*t10) + (z*z)
+        t12 = c7*(c6 - t11)
+        t13 = max(0, t12)
+        t14 = c7*(-c8 + t11)
+        t15 = max(0, t14)
+        t16 = c10 + c9*(-t13 + t15)
+        t17 = sqrt(t15)
+        t18 = sqrt(t13)
+        t20 = c11*t17*t18
+        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4, c4*t5), atan2(-t10*t20 + t16*z, t10*t16 + t20*z), c14*atan2(t18, t17), t6, t12, t14, t11
         if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
             q0 = q0 + TURN * round((middle0 - q0) * PER_TURN); q1 = q1 + TURN * round((middle1 - q1) * PER_TURN); q2 = q2 + TURN * round((middle2 - q2) * PER_TURN)
             angles += (q0, q1, q2)
@@ -132,21 +133,22 @@ def inverse_scalar(constants, feet):
 
 def inverse_arrays(constants, feet):
     """q0, q1, q2, clearance, outer, inner, square for feet (3, ...)."""
-    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, ) = constants
+    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, ) = constants
     x, y, z = feet
     t2 = -c0 + y
     t3 = -c1 + x
     t4 = c2*t2 - c3*t3
     t5 = c2*t3 + c3*t2
     t6 = (t4*t4) + (t5*t5)
-    t7 = c4*numpy.sqrt(t6) - c5
-    t9 = (t7*t7) + (z*z)
-    t10 = c7*(-c6 + t9)
-    t11 = numpy.maximum(0, t10)
-    t12 = numpy.sqrt(t11)
-    t13 = c7*(1*c8 - t9)
-    t14 = numpy.maximum(0, t13)
-    t15 = numpy.sqrt(t14)
-    t17 = c9*t12*t15
-    t18 = c10*(t11 + t14) + c11*(t11 - t14)
-    return arctan2(c4*t4, c4*t5), arctan2(-t17*t7 + t18*z, t17*z + t18*t7), c12*arctan2(t15, t12), t6, t13, t10, t9
+    t7 = numpy.sqrt(t6)
+    t10 = c4*t7 - c5
+    t11 = (t10*t10) + (z*z)
+    t12 = c7*(c6 - t11)
+    t13 = numpy.maximum(0, t12)
+    t14 = c7*(-c8 + t11)
+    t15 = numpy.maximum(0, t14)
+    t16 = c10 + c9*(-t13 + t15)
+    t17 = numpy.sqrt(t15)
+    t18 = numpy.sqrt(t13)
+    t20 = c11*t17*t18
+    return angle(c4*t4, c4*t5, t7), angle(-t10*t20 + t16*z, t10*t16 + t20*z, c12*t11), c14*angle(t18, t17, c13), t6, t12, t14, t11

@@ -8,7 +8,7 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import arctan2, contracted, kernel, maximum, rounded, sincos, to_half_turn
+from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn
 from hexakin.elementary import PER_TURN, TURN
 
 
@@ -30,9 +30,9 @@ def _forward(constants, angles, result):
         s_1 = k1*s2 + k2*s1
         k_2 = -c0*s0 + c1*k0
         k_3 = k1*k2 - s1*s2
-        t0 = c2*k1 + c3*k_3 + 1*c4
-        result[3 * m + 0] = 1*c5 + k_2*t0
-        result[3 * m + 1] = 1*c6 + s_0*t0
+        t0 = c2*k1 + c3*k_3 + c4
+        result[3 * m + 0] = c5 + k_2*t0
+        result[3 * m + 1] = c6 + s_0*t0
         result[3 * m + 2] = c2*s1 + c3*s_1
 
 
@@ -67,7 +67,7 @@ def _jacobian(constants, angles, result):
         k_3 = k1*k2 - s1*s2
         t0 = c2*k_3
         t1 = c3*k1 + t0
-        t2 = 1*c4 + t1
+        t2 = c4 + t1
         t3 = c2*s_1
         t4 = -c3*s1 - t3
         result[9 * m + 0] = -s_0*t2
@@ -111,16 +111,18 @@ def _inverse(constants, feet, angles, reachable, within, distance):
         c10 = constants[10, m]
         c11 = constants[11, m]
         c12 = constants[12, m]
-        tolerance = constants[13, m]
-        middle0 = constants[14, m]
-        middle1 = constants[15, m]
-        middle2 = constants[16, m]
-        low0 = constants[17, m]
-        low1 = constants[18, m]
-        low2 = constants[19, m]
-        high0 = constants[20, m]
-        high1 = constants[21, m]
-        high2 = constants[22, m]
+        c13 = constants[13, m]
+        c14 = constants[14, m]
+        tolerance = constants[15, m]
+        middle0 = constants[16, m]
+        middle1 = constants[17, m]
+        middle2 = constants[18, m]
+        low0 = constants[19, m]
+        low1 = constants[20, m]
+        low2 = constants[21, m]
+        high0 = constants[22, m]
+        high1 = constants[23, m]
+        high2 = constants[24, m]
         x = feet[3 * m + 0]
         y = feet[3 * m + 1]
         z = feet[3 * m + 2]
@@ -129,17 +131,18 @@ def _inverse(constants, feet, angles, reachable, within, distance):
         t4 = c2*t2 - c3*t3
         t5 = c2*t3 + c3*t2
         t6 = (t4*t4) + (t5*t5)
-        t7 = c4*sqrt(t6) - c5
-        t9 = (t7*t7) + (z*z)
-        t10 = c7*(-c6 + t9)
-        t11 = maximum(0, t10)
-        t12 = sqrt(t11)
-        t13 = c7*(1*c8 - t9)
-        t14 = maximum(0, t13)
-        t15 = sqrt(t14)
-        t17 = c9*t12*t15
-        t18 = c10*(t11 + t14) + c11*(t11 - t14)
-        q0, q1, q2, clearance, outer, inner, square = arctan2(c4*t4, c4*t5), arctan2(-t17*t7 + t18*z, t17*z + t18*t7), c12*arctan2(t15, t12), t6, t13, t10, t9
+        t7 = sqrt(t6)
+        t10 = c4*t7 - c5
+        t11 = (t10*t10) + (z*z)
+        t12 = c7*(c6 - t11)
+        t13 = maximum(0, t12)
+        t14 = c7*(-c8 + t11)
+        t15 = maximum(0, t14)
+        t16 = c10 + c9*(-t13 + t15)
+        t17 = sqrt(t15)
+        t18 = sqrt(t13)
+        t20 = c11*t17*t18
+        q0, q1, q2, clearance, outer, inner, square = angle(c4*t4, c4*t5, t7), angle(-t10*t20 + t16*z, t10*t16 + t20*z, c12*t11), c14*angle(t18, t17, c13), t6, t12, t14, t11
         q0 = q0 + TURN * rounded((middle0 - q0) * PER_TURN)
         q1 = q1 + TURN * rounded((middle1 - q1) * PER_TURN)
         q2 = q2 + TURN * rounded((middle2 - q2) * PER_TURN)

@@ -8,7 +8,7 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import arctan2, contracted, kernel, maximum, rounded, sincos, to_half_turn
+from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn
 from hexakin.elementary import PER_TURN, TURN
 
 
@@ -27,9 +27,9 @@ def _forward(constants, angles, result):
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k1 + c1*k_1
-        result[3 * m + 0] = 1*c2 + k0*t0
-        result[3 * m + 1] = 1*c3 + s0*t0
-        result[3 * m + 2] = -c0*s1 - c1*s_0 + 1*c4
+        result[3 * m + 0] = c2 + k0*t0
+        result[3 * m + 1] = c3 + s0*t0
+        result[3 * m + 2] = -c0*s1 - c1*s_0 + c4
 
 
 @kernel("2r", "1r", "1")
@@ -100,34 +100,37 @@ def _inverse(constants, feet, angles, reachable, within, distance):
         c8 = constants[8, m]
         c9 = constants[9, m]
         c10 = constants[10, m]
-        tolerance = constants[11, m]
-        middle0 = constants[12, m]
-        middle1 = constants[13, m]
-        middle2 = constants[14, m]
-        low0 = constants[15, m]
-        low1 = constants[16, m]
-        low2 = constants[17, m]
-        high0 = constants[18, m]
-        high1 = constants[19, m]
-        high2 = constants[20, m]
+        c11 = constants[11, m]
+        c12 = constants[12, m]
+        tolerance = constants[13, m]
+        middle0 = constants[14, m]
+        middle1 = constants[15, m]
+        middle2 = constants[16, m]
+        low0 = constants[17, m]
+        low1 = constants[18, m]
+        low2 = constants[19, m]
+        high0 = constants[20, m]
+        high1 = constants[21, m]
+        high2 = constants[22, m]
         x = feet[3 * m + 0]
         y = feet[3 * m + 1]
         z = feet[3 * m + 2]
         t0 = -c0 + y
         t1 = -c1 + x
         t2 = (t0*t0) + (t1*t1)
-        t3 = c2*sqrt(t2)
-        t5 = 1*c3 - z
-        t6 = t2 + (t5*t5)
-        t7 = c5*(-c4 + t6)
-        t8 = maximum(0, t7)
-        t9 = sqrt(t8)
-        t10 = c5*(1*c6 - t6)
+        t3 = sqrt(t2)
+        t4 = c2 - z
+        t7 = t2 + (t4*t4)
+        t8 = c4*(c3 - t7)
+        t9 = maximum(0, t8)
+        t10 = c4*(-c5 + t7)
         t11 = maximum(0, t10)
-        t12 = sqrt(t11)
-        t14 = c7*t12*t9
-        t15 = c8*(t11 + t8) + c9*(-t11 + t8)
-        q0, q1, q2, clearance, outer, inner, square = arctan2(c2*t0, c2*t1), arctan2(-t14*t3 + t15*t5, t14*t5 + t15*t3), c10*arctan2(t12, t9), t2, t10, t7, t6
+        t12 = c6*(t11 - t9) + c7
+        t13 = c8*t3
+        t14 = sqrt(t11)
+        t15 = sqrt(t9)
+        t17 = c9*t14*t15
+        q0, q1, q2, clearance, outer, inner, square = angle(c8*t0, c8*t1, t3), angle(t12*t4 - t13*t17, t12*t13 + t17*t4, c10*t7), c12*angle(t15, t14, c11), t2, t8, t10, t7
         q0 = q0 + TURN * rounded((middle0 - q0) * PER_TURN)
         q1 = q1 + TURN * rounded((middle1 - q1) * PER_TURN)
         q2 = q2 + TURN * rounded((middle2 - q2) * PER_TURN)
