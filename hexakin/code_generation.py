@@ -188,8 +188,11 @@ class _Printer(PythonCodePrinter):
     _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
 
     def _print_angle(self, expression: angle) -> str:
-        given = expression.args if self.names["angle"] == "angle" else expression.args[:2]
-        return f"{self.names['angle']}({', '.join(map(self._print, given))})"
+        y, x, length = map(self._print, expression.args)
+        if self.names["angle"] == "angle":
+            return f"angle({y}, {x}, {length})"
+        # A zero is not to be negative: the angle of the zero vector is 0.
+        return f"atan2({y} + 0.0, {x} + 0.0)"
 
     def _print_Pow(self, expression: sp.Pow, **_: object) -> str:
         base = self._print(expression.base)

@@ -311,8 +311,7 @@ def _nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
         return _nearest_of(_every(robot, foot), near)
     flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
     parts = [
-        _nearest_of(_every(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK])
-        for k in range(0, len(flat), _CHUNK)
+        _nearest_of(_every(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK]) for k in range(0, len(flat), _CHUNK)
     ]
     arrays = [
         np.concatenate([getattr(part, name) for part in parts])

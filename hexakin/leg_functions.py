@@ -42,7 +42,9 @@ class LegFunctions:
         angles, possible = to_half_turn(q)
         if not possible:
             angles = np.arctan2(np.sin(q), np.cos(q))
-        return list(np.broadcast_arrays(*getattr(self.numeric, f"{name}_arrays")(constants, np.moveaxis(angles, -1, 0))))
+        return list(
+            np.broadcast_arrays(*getattr(self.numeric, f"{name}_arrays")(constants, np.moveaxis(angles, -1, 0)))
+        )
 
     @property
     def closed_form(self) -> bool:

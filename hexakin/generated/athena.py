@@ -117,7 +117,7 @@ def inverse_scalar(constants, feet):
         t17 = sqrt(t15)
         t18 = sqrt(t13)
         t20 = c11*t17*t18
-        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4, c4*t5), atan2(-t10*t20 + t16*z, t10*t16 + t20*z), c14*atan2(t18, t17), t6, t12, t14, t11
+        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4 + 0.0, c4*t5 + 0.0), atan2(-t10*t20 + t16*z + 0.0, t10*t16 + t20*z + 0.0), c14*atan2(t18 + 0.0, t17 + 0.0), t6, t12, t14, t11
         if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
             q0 = q0 + TURN * round((middle0 - q0) * PER_TURN); q1 = q1 + TURN * round((middle1 - q1) * PER_TURN); q2 = q2 + TURN * round((middle2 - q2) * PER_TURN)
             angles += (q0, q1, q2)

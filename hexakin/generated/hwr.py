@@ -108,7 +108,7 @@ def inverse_scalar(constants, feet):
         t14 = sqrt(t11)
         t15 = sqrt(t9)
         t17 = c9*t14*t15
-        q0, q1, q2, clearance, outer, inner, square = atan2(c8*t0, c8*t1), atan2(t12*t4 - t13*t17, t12*t13 + t17*t4), c12*atan2(t15, t14), t2, t8, t10, t7
+        q0, q1, q2, clearance, outer, inner, square = atan2(c8*t0 + 0.0, c8*t1 + 0.0), atan2(t12*t4 - t13*t17 + 0.0, t12*t13 + t17*t4 + 0.0), c12*atan2(t15 + 0.0, t14 + 0.0), t2, t8, t10, t7
         if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
             q0 = q0 + TURN * round((middle0 - q0) * PER_TURN); q1 = q1 + TURN * round((middle1 - q1) * PER_TURN); q2 = q2 + TURN * round((middle2 - q2) * PER_TURN)
             angles += (q0, q1, q2)

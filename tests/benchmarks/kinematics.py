@@ -237,7 +237,9 @@ def derivation():
             sp.core.cache.clear_cache()
             times[name].append(seconds(run, 1))
     ratio = statistics.median(a / b for a, b in zip(times["ours"], times["simplify"], strict=True))
-    print(f"derivation {min(times['ours']):.3f} s, by simplify {min(times['simplify']):.2f} s, ratio {ratio:.4f}   bar 0.02")
+    print(
+        f"derivation {min(times['ours']):.3f} s, by simplify {min(times['simplify']):.2f} s, ratio {ratio:.4f}   bar 0.02"
+    )
 
 
 def main():
