@@ -1,10 +1,11 @@
 """Which of a leg type's numeric codes is run: one pose at a time, NumPy in blocks, or compiled loops.
 
-Up to ``FEW`` leg poses Python's own floats are the fastest, since each call of NumPy costs as much as dozens of their
-operations. Beyond, NumPy works on blocks that stay in the cache. Compiled loops are five to ten times faster still, but to
-load them takes a second (and to compile them ten, once for an installation), in which NumPy solves tens of millions of leg
-poses: they are loaded when a process has come to ``MANY`` of them, or at once by ``prepare``. The count alone decides, so
-that a program that runs twice takes the same path. The results of the three agree to rounding, not to the last bit.
+Up to ``FEW`` leg poses Python's own floats are the fastest, since each call of NumPy costs as much as dozens of
+their operations. Beyond, NumPy works on blocks that stay in the cache. Compiled loops are five to ten times faster
+still, but to load them takes a second (and to compile them ten, once for an installation), in which NumPy solves tens
+of millions of leg poses: they are loaded when a process has come to ``MANY`` of them, or at once by ``prepare``. The
+count alone decides, so that a program that runs twice takes the same path. The results of the three agree to rounding,
+not to the last bit.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ LIMIT_TOLERANCE = 1e-9
 """[rad]: rounding must not push a pose on its limit out of it."""
 
 REACH_TOLERANCE = 1e-12
-"""Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since a stretched
-leg's own forward kinematics lands outside by rounding."""
+"""Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since a
+stretched leg's own forward kinematics lands outside by rounding."""
 
 _BLOCK = 8192  # leg poses: an array takes 64 kB, and a call of NumPy costs little beside its work
 _TILE = 192  # leg poses whose constants a compiled loop keeps in the first-level cache
@@ -166,26 +167,41 @@ class _Inverse:
             part = slice(start, min(start + step, len(foot)))
             feet = np.ascontiguousarray(foot[part].T)
             for branch, every in enumerate(constants[:, :, : feet.shape[1]]):
-                self._block(every, feet, Solved(*(values[branch, part] for values in result)))
+                self._block(
+                    every,
+                    feet,
+                    result.q[branch, part],
+                    result.reachable[branch, part],
+                    result.within_limits[branch, part],
+                    result.distance[branch, part],
+                )
 
-    def _block(self, constants: Array, feet: Array, result: Solved) -> None:
+    def _block(
+        self,
+        constants: Array,
+        feet: Array,
+        q: Array,
+        reachable: NDArray[np.bool_],
+        within: NDArray[np.bool_],
+        distance: Array,
+    ) -> None:
         *angles, clearance, outer, inner, square = self.functions.numeric.inverse_arrays(constants[:-10], feet)
         bounds = constants[-10:]
         least = np.minimum(np.minimum(clearance, outer), inner)
         least += bounds[0]
-        np.greater_equal(least, 0.0, out=result.reachable)
-        np.copyto(result.within_limits, result.reachable)
-        all_reached = result.reachable.all()
+        np.greater_equal(least, 0.0, out=reachable)
+        np.copyto(within, reachable)
+        all_reached = reachable.all()
         for k, angle in enumerate(angles):
             turns = np.rint((bounds[1 + k] - angle) * PER_TURN)
             turns *= TURN
             turns += angle
-            result.within_limits[...] &= turns >= bounds[4 + k]
-            result.within_limits[...] &= turns <= bounds[7 + k]
+            within &= turns >= bounds[4 + k]
+            within &= turns <= bounds[7 + k]
             if not all_reached:
-                turns[~result.reachable] = np.nan
-            result.q[:, k] = turns
-        np.sqrt(square, out=result.distance)
+                turns[~reachable] = np.nan
+            q[:, k] = turns
+        np.sqrt(square, out=distance)
 
 
 @lru_cache(maxsize=64)

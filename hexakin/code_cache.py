@@ -78,7 +78,14 @@ def executed(text: str, filename: str, name: str) -> ModuleType:
 @lru_cache(maxsize=1)
 def _generator() -> str:
     package = Path(__file__).parent
-    names = ("symbolic.py", "code_generation.py", "elementary.py", "compiled_elementary.py", "compiled.py")
+    names = (
+        "symbolic.py",
+        "code_program.py",
+        "code_generation.py",
+        "elementary.py",
+        "compiled_elementary.py",
+        "compiled.py",
+    )
     return hashlib.sha256(b"".join((package / name).read_bytes() for name in names)).hexdigest()
 
 

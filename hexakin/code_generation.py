@@ -1,177 +1,28 @@
 """Numeric code of a leg type, written from its symbolic kinematics for three machines.
 
-One program of assignments is made of the sympy expressions, and printed three times:
+One program of assignments (``hexakin.code_program``) is printed three times:
 
 - *scalar*: Python's floats, leg by leg, for one pose;
 - *arrays*: NumPy, for blocks that fit the cache;
 - *loops*: compiled by numba, for large batches.
 
-In it every angle's sine and cosine are taken once, those of sums of angles follow by the addition theorems (which also
-keeps large angles exact), what depends on the leg alone is taken out as a constant, and the inverse has no sine or cosine
-left. ``python -m hexakin.symbolic`` writes the code of the shipped leg types into ``hexakin.generated``.
+``python -m hexakin.symbolic`` writes the code of the shipped leg types into ``hexakin.generated``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from hexakin.code_program import Program, Statement, angle, program_of_angles, program_of_feet
 from hexakin.exceptions import NoClosedFormError
 from hexakin.robot import LegTable
 from hexakin.robot_file import DATA, load_robot
 from hexakin.symbolic import LegKinematics, derive
-
-_Statement = tuple[sp.Symbol, sp.Expr]
-
-
-@dataclass
-class _Program:
-    """Assignments that lead from inputs to results: ``constants`` of the leg alone, and the ``body`` with them."""
-
-    fixed: frozenset[sp.Symbol]
-    prefix: str
-    constants: dict[sp.Expr, sp.Symbol] = field(default_factory=dict)
-    body: list[_Statement] = field(default_factory=list)
-
-    def constant(self, expression: sp.Expr) -> sp.Expr:
-        """Return the symbol of an expression of the leg's own parameters."""
-        if expression.is_Number:
-            return expression
-        name = sp.Symbol(f"{self.prefix}{len(self.constants)}", real=True)
-        return self.constants.setdefault(expression, name)
-
-    def lowered(self, expression: sp.Expr) -> sp.Expr:
-        """Take constants out of an expression; squares become those of symbols, to be printed as products."""
-        if expression.free_symbols <= self.fixed:
-            return self.constant(expression)
-        if expression.is_Atom:
-            return expression
-        if expression.is_Add or expression.is_Mul:
-            own = [argument for argument in expression.args if argument.free_symbols <= self.fixed]
-            rest = [self.lowered(argument) for argument in expression.args if argument not in own]
-            if own:
-                held = expression.func(*own)
-                if held.could_extract_minus_sign() and not held.is_Number:
-                    minus = [-1, self.constant(-held)]
-                    rest[:0] = minus if expression.is_Mul else [sp.Mul(*minus, evaluate=False)]
-                else:
-                    rest.insert(0, self.constant(held))
-            return expression.func(*rest, evaluate=False)
-        if expression.is_Pow and expression.exp == 2 and not expression.base.is_Symbol:
-            name = sp.Symbol(f"u{len(self.body)}", real=True)
-            self.body.append((name, self.lowered(expression.base)))
-            return name**2
-        return expression.func(*(self.lowered(argument) for argument in expression.args), evaluate=False)
-
-    def add(self, statements: Iterable[_Statement], results: Sequence[sp.Expr]) -> list[sp.Expr]:
-        """Append assignments and the common subexpressions of ``results``; return these in terms of them."""
-        for name, value in statements:
-            self.body.append((name, self.lowered(value)))
-        shared, reduced = sp.cse(results, symbols=sp.numbered_symbols("t", real=True), order="canonical")
-        known: dict[sp.Symbol, sp.Expr] = {}
-        for name, value in shared:
-            value = value.xreplace(known)
-            if value.free_symbols <= self.fixed:
-                known[name] = value
-            else:
-                self.body.append((name, self.lowered(value)))
-        return [self.lowered(value.xreplace(known)) for value in reduced]
-
-
-def _forward_program(leg: LegKinematics, results: Sequence[sp.Expr]) -> tuple[_Program, list[sp.Expr]]:
-    """Program of expressions in sines and cosines of the joint angles, which it takes as s0, k0, s1 and so on."""
-    pairs = {
-        function(q): sp.Symbol(f"{letter}{i}", real=True)
-        for i, q in enumerate(leg.joints)
-        for function, letter in ((sp.sin, "s"), (sp.cos, "k"))
-    }
-    program = _Program(frozenset(leg.parameters), "c")
-    statements, named = [], dict(pairs)
-    found = set().union(*(result.atoms(sp.sin, sp.cos) for result in results))
-    for call in sorted(found, key=lambda f: (len(f.args[0].args), sp.default_sort_key(f))):
-        if call in pairs or not call.free_symbols & set(leg.joints):
-            continue
-        # Addition theorem.
-        named[call] = sp.Symbol(f"{'s' if call.func == sp.sin else 'k'}_{len(statements)}", real=True)
-        statements.append((named[call], sp.expand_trig(call).xreplace(pairs)))
-    trigonometric = set(named.values())
-    results = [_factored(sp.expand(result).xreplace(named), trigonometric) for result in results]
-    return program, program.add(statements, results)
-
-
-def _factored(expression: sp.Expr, symbols: set[sp.Symbol]) -> sp.Expr:
-    """Take out of a sum, again and again, the symbol that the most of its terms have."""
-    terms = sp.Add.make_args(expression)
-    counts = {symbol: sum(term.has(symbol) for term in terms) for symbol in expression.free_symbols & symbols}
-    best = max(counts, key=lambda symbol: (counts[symbol], str(symbol)), default=None)
-    if best is None or counts[best] < 2:
-        return expression
-    inside = sp.Add(*(term / best for term in terms if term.has(best)))
-    outside = sp.Add(*(term for term in terms if not term.has(best)))
-    return best * _factored(inside, symbols) + _factored(outside, symbols)
-
-
-class angle(sp.Function):  # noqa: N801
-    """The angle of the vector (x, y) of known length: ``angle(y, x, length)``."""
-
-
-def _inverse_program(leg: LegKinematics) -> tuple[_Program, list[sp.Expr]]:
-    """Program of the inverse: angles, clearance, outer, inner, square of the distance."""
-    inverse = leg.inverse
-    program = _Program(frozenset({*leg.parameters, inverse.side, inverse.knee}), "c")
-    place = (inverse.x, inverse.y, inverse.z)
-    names = {symbol: sp.Symbol(name, real=True) for symbol, name in zip(place, "xyz", strict=True)}
-    first, second, third = inverse.q
-    scale = _exact_squares(inverse.outer + inverse.inner)
-    results = [_one_angle(first, inverse.side), _one_angle(second, inverse.side)]
-    # third = 2 knee atan2(...)
-    (half,) = third.atoms(sp.atan2)
-    results.append(third / half * angle(*half.args, sp.sqrt(scale)))
-    results += [inverse.clearance, inverse.outer, inverse.inner, inverse.distance**2]
-    return program, program.add([], [result.xreplace(names) for result in results])
-
-
-def _one_angle(expression: sp.Expr, side: sp.Symbol) -> sp.Expr:
-    """Write a difference of two vectors' angles as one angle, up to whole turns, without sine or cosine.
-
-    For a foot within reach the two vectors are equally long: they are sides of a parallelogram's halves.
-    """
-    if not expression.is_Add:
-        y, x = expression.args
-        return angle(y, x, sp.sqrt((y**2 + x**2).subs(side**2, 1)))
-    positive, negative = sorted(expression.args, key=lambda term: not isinstance(term, sp.atan2))
-    y_1, x_1 = positive.args
-    y_2, x_2, scale = _without_sines(*(-negative).args)
-    length = scale * (y_1**2 + x_1**2).subs(side**2, 1)
-    return angle(y_1 * x_2 - x_1 * y_2, x_1 * x_2 + y_1 * y_2, length)
-
-
-def _without_sines(y: sp.Expr, x: sp.Expr) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """Return a vector whose sines and cosines are of twice an angle as a rational one, and by what it became longer."""
-    calls = [call for call in (y + x).atoms(sp.sin, sp.cos) if call.has(sp.atan2)]
-    if not calls:
-        return y, x, sp.Integer(1)
-    (half,) = calls[0].args[0].atoms(sp.atan2)
-    knee = calls[0].args[0] / (2 * half)
-    s, c, scale = sp.Dummy("s"), sp.Dummy("c"), sp.Dummy("scale")
-    # knee^2 = 1. The vector is multiplied by the square of the half angle's length.
-    double = {call: (2 * knee * s * c if call.func == sp.sin else c**2 - s**2) / scale for call in calls}
-    squares = _exact_squares(half.args[0] ** 2 + half.args[1] ** 2)
-    values = {scale: squares, s: half.args[0], c: half.args[1]}
-    y, x = (sp.expand(part.xreplace(double) * scale, deep=False).xreplace(values) for part in (y, x))
-    return y, x, squares
-
-
-def _exact_squares(expression: sp.Expr) -> sp.Expr:
-    """Sum of the room to both bounds of the reach, a constant of the leg: what one gains the other loses."""
-    return sp.expand(expression.replace(sp.Max, lambda *args: next(argument for argument in args if argument != 0)))
-
-
-# --- printing ----------------------------------------------------------------------------------------------
 
 
 class _Printer(PythonCodePrinter):
@@ -211,7 +62,7 @@ _CONSTANTS = _Printer(
 )
 
 
-def _assignments(statements: Iterable[_Statement], printer: _Printer) -> list[str]:
+def _assignments(statements: Iterable[Statement], printer: _Printer) -> list[str]:
     return [f"{name} = {printer.doprint(value)}" for name, value in statements]
 
 
@@ -224,7 +75,7 @@ def _function(head: str, summary: str, lines: Iterable[str], decorator: str = ""
     return f'{decorator}def {head}:\n    """{summary}"""\n{body}\n\n\n'
 
 
-def _constants(program: _Program, name: str, parameters: Sequence[sp.Symbol], extra: str = "") -> str:
+def _constants(program: Program, name: str, parameters: Sequence[sp.Symbol], extra: str = "") -> str:
     values = ", ".join(_CONSTANTS.doprint(value) for value in program.constants)
     lines = [_unpacked(parameters, "p"), f"return [{values}]"]
     return _function(f"{name}_constants(p{extra})", "Constants of legs with parameters ``p`` (n, ...).", lines)
@@ -233,7 +84,7 @@ def _constants(program: _Program, name: str, parameters: Sequence[sp.Symbol], ex
 _PAIRS = "(s0, s1, s2), (k0, k1, k2)"
 
 
-def _of_angles(name: str, program: _Program, results: list[sp.Expr], parameters: Sequence[sp.Symbol]) -> str:
+def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: Sequence[sp.Symbol]) -> str:
     """Scalar and array code of a function of the joint angles."""
     names = program.constants.values()
     unpacked = ", ".join(f"{c}" for c in names) + ("," if len(program.constants) == 1 else "")
@@ -267,7 +118,7 @@ distance.append(sqrt(square))"""
 _INVERSE_RESULTS = "q0, q1, q2, clearance, outer, inner, square"
 
 
-def _of_feet(program: _Program, results: list[sp.Expr], leg: LegKinematics) -> str:
+def _of_feet(program: Program, results: list[sp.Expr], leg: LegKinematics) -> str:
     """Scalar and array code of the inverse."""
     names = list(program.constants.values())
     solved = f"{_INVERSE_RESULTS} = " + ", ".join(map(_SCALAR.doprint, results))
@@ -291,7 +142,7 @@ def _of_feet(program: _Program, results: list[sp.Expr], leg: LegKinematics) -> s
     )
 
 
-def _angle_loops(name: str, program: _Program, results: list[sp.Expr]) -> str:
+def _angle_loops(name: str, program: Program, results: list[sp.Expr]) -> str:
     width = len(results)
     names = program.constants.values()
     lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
@@ -305,14 +156,15 @@ for start in range(0, angles.shape[0] // 3, tile):
     part = angles[3 * start : 3 * (start + tile)]
     state = to_half_turn(part, scratch)
     worst = max(worst, state)
-    _{name}(constants, part if state == 0 else scratch[: part.shape[0]], result[{width} * start : {width} * (start + tile)])
+    near = part if state == 0 else scratch[: part.shape[0]]
+    _{name}(constants, near, result[{width} * start : {width} * (start + tile)])
 return worst"""
     return _function(f"_{name}(constants, angles, result)", "One block.", block, "@contracted\n") + _function(
         f"{name}(constants, angles, result)", "All blocks.", drive.split("\n"), '@kernel("2r", "1r", "1")\n'
     )
 
 
-def _foot_loops(program: _Program, results: list[sp.Expr]) -> str:
+def _foot_loops(program: Program, results: list[sp.Expr]) -> str:
     names = [*program.constants.values(), *_BOUNDS]
     lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
     lines += [f"{axis} = feet[3 * m + {k}]" for k, axis in enumerate("xyz")] + _assignments(program.body, _LOOPS)
@@ -360,15 +212,15 @@ class Sources:
 def generate(table: LegTable) -> Sources:
     """Write the numeric code of a leg type.
 
-    ``numeric`` has ``CLOSED_FORM`` and, for each of forward, jacobian and (if there is a closed form) inverse, a function
-    ``_constants``, ``_scalar`` and ``_arrays``; ``loops`` has a kernel for each.
+    ``numeric`` has ``CLOSED_FORM`` and, for forward, jacobian and (if there is a closed form) inverse, functions ending
+    in ``_constants``, ``_scalar`` and ``_arrays``; ``loops`` has a kernel for each.
     """
     leg = derive(table.canonical())
-    forward, jacobian = ((p, [*r]) for p, r in (_forward_program(leg, m) for m in ([*leg.foot], [*leg.jacobian])))
+    forward, jacobian = ((p, [*r]) for p, r in (program_of_angles(leg, m) for m in ([*leg.foot], [*leg.jacobian])))
     numeric = _of_angles("forward", *forward, leg.parameters) + _of_angles("jacobian", *jacobian, leg.parameters)
     loops = _angle_loops("forward", *forward) + _angle_loops("jacobian", *jacobian)
     try:
-        inverse = _inverse_program(leg)
+        inverse = program_of_feet(leg)
     except NoClosedFormError:
         closed = False
     else:

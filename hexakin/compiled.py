@@ -60,7 +60,7 @@ def contracted(function: _Function) -> _Function:
     return cast(_Function, numba.njit(error_model="numpy", fastmath={"contract"})(function))
 
 
-def kernel(*arguments: str) -> Callable[[_Function], _Function]:
+def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Compile for the given types of ``arguments``, or load the machine code, at once; to be called without the GIL.
 
     An array is written as its dimension, with ``r`` if it is only read (``"2r"``), or ``"b"`` behind it for flags.
@@ -71,8 +71,12 @@ def kernel(*arguments: str) -> Callable[[_Function], _Function]:
         return numba.types.Array(element, int(code[0]), "C", readonly=code.endswith("r"))
 
     signature = tuple(array(code) for code in arguments)
-    options = {"error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "cache": True}
-    return lambda function: cast(_Function, numba.njit([signature], **options)(function))
+
+    def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
+        jit: Any = numba.njit([signature], cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+        return cast(Callable[..., Any], jit(function))
+
+    return decorated
 
 
 @contextlib.contextmanager

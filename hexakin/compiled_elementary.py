@@ -1,7 +1,7 @@
-"""The formulas of ``hexakin.elementary`` for one number each, for compiled loops; LLVM makes vector instructions of them.
+"""The formulas of ``hexakin.elementary`` for one number each, for compiled loops that become vector instructions.
 
-For that a loop must have no branch, call or exception: hence rounding by an addition, and a largest of two as a choice.
-Products and sums may be fused, so that the last bits differ from NumPy's.
+For LLVM to vectorise it a loop must have no branch, call or exception: hence rounding by an addition, and a largest of
+two as a choice. Products and sums may be fused, so that the last bits differ from NumPy's.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ NumPy's own multiplications. The formulas are free of branches, so that ``hexaki
 ones in loops that become vector instructions.
 
 - Sine and cosine of r follow from tan(r/2) = n/d as 2nd/(n^2 + d^2) and (d^2 - n^2)/(n^2 + d^2). With y = r/2,
-  n = y N(y^2) and d = D(y^2), polynomials of degree 4 that meet n cos y = d sin y in Chebyshev's points of [-pi/2, pi/2].
-- The angle of a vector with smaller component b and larger one a is twice the arctangent of b/(a + |(a, b)|), which is at
-  most tan(pi/8): a polynomial of degree 10 in the square.
+  n = y N(y^2) and d = D(y^2), polynomials of degree 4 that meet n cos y = d sin y in Chebyshev's points up to pi/2.
+- The angle of a vector with smaller component b and larger one a is twice the arctangent of b/(a + |(a, b)|), which is
+  at most tan(pi/8): a polynomial of degree 10 in the square.
 
 ``tests/test_elementary.py`` derives the coefficients again. Errors: 5e-16 of sine and cosine of
 arguments up to ``HALF_TURN``, 8e-16 up to ``LARGEST``, 1e-15 rad of an angle.
@@ -81,7 +81,7 @@ def sincos(x: Array) -> tuple[Array, Array]:
 
 
 def angle(y: Array, x: Array, length: Array) -> Array:
-    """Angle [rad] of vectors (``x``, ``y``) of known ``length`` in [-pi, pi]; 0 of the zero vector, whatever its signs."""
+    """Angle [rad] of vectors (``x``, ``y``) of known ``length`` in [-pi, pi]; 0 of the zero vector."""
     a, b = np.abs(x), np.abs(y)
     t = np.minimum(a, b)
     divisor = np.maximum(a, b)

@@ -1,8 +1,8 @@
 """Symbolic kinematics of a leg, derived by sympy from its Denavit-Hartenberg table.
 
-``derive`` gives the expressions; ``hexakin.code_generation`` turns them into numeric code. That of the shipped leg types
-lies in ``hexakin.generated``, rewritten by ``python -m hexakin.symbolic``; a leg type that is not there is derived when
-it is first used. Only these two modules import sympy.
+``derive`` gives the expressions; ``hexakin.code_generation`` turns them into numeric code. That of the shipped leg
+types lies in ``hexakin.generated``, rewritten by ``python -m hexakin.symbolic``; a leg type that is not there is
+derived when it is first used. Only this module, ``code_program`` and ``code_generation`` import sympy.
 """
 
 from __future__ import annotations

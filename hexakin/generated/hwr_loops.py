@@ -41,7 +41,8 @@ def forward(constants, angles, result):
         part = angles[3 * start : 3 * (start + tile)]
         state = to_half_turn(part, scratch)
         worst = max(worst, state)
-        _forward(constants, part if state == 0 else scratch[: part.shape[0]], result[3 * start : 3 * (start + tile)])
+        near = part if state == 0 else scratch[: part.shape[0]]
+        _forward(constants, near, result[3 * start : 3 * (start + tile)])
     return worst
 
 
@@ -81,7 +82,8 @@ def jacobian(constants, angles, result):
         part = angles[3 * start : 3 * (start + tile)]
         state = to_half_turn(part, scratch)
         worst = max(worst, state)
-        _jacobian(constants, part if state == 0 else scratch[: part.shape[0]], result[9 * start : 9 * (start + tile)])
+        near = part if state == 0 else scratch[: part.shape[0]]
+        _jacobian(constants, near, result[9 * start : 9 * (start + tile)])
     return worst
 
 

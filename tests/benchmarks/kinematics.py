@@ -2,12 +2,14 @@
 
     python tests/benchmarks/kinematics.py [python of an environment with roboticstoolbox-python]
 
-Correctness first: forward kinematics against mpmath's 50 digits, inverse by its residual and its flags. Then medians over
-repetitions of the ratio to the run right before, in which the machine's own speed cancels:
+Correctness first: forward kinematics against mpmath's 50 digits, the inverse by its residual (its flags are tested in
+``tests/test_batch_kinematics.py``). Then medians over repetitions of the ratio of a run to the one right beside it, in
+which the machine's own speed cancels. Times are the thread's own, so that what else runs does not count; caches and the
+core's units are shared all the same, and a quiet machine shows smaller ratios.
 
 - batches of ATHENA's legs against the textbook formulas in NumPy, with compiled loops and with NumPy alone;
-- six legs in one pose against the C path of the Robotics Toolbox (``ETS.fkine``, and ``ETS.eval``, which returns bare
-  matrices), in a process of its own;
+- six legs in one pose against the C path of the Robotics Toolbox (``ETS.fkine``, and ``ETS.eval``, which returns
+  bare matrices), in a process of its own;
 - the derivation against multiplying out the table's matrices and ``sympy.simplify``.
 """
 
@@ -36,14 +38,17 @@ legs = [ET.Rz(t) * ET.tx(a) * ET.Rz() * ET.tx(b) * ET.Rx(np.pi / 2) * ET.Rz() * 
         for t, a, b, c, d in eval(sys.argv[1])]
 q = np.array(eval(sys.argv[2]))
 print(repr([leg.fkine(x).t.tolist() for leg, x in zip(legs, q)]), flush=True)
-runs = {"fkine": lambda: [leg.fkine(x) for leg, x in zip(legs, q)], "eval": lambda: [leg.eval(x) for leg, x in zip(legs, q)]}
+runs = {
+    "fkine": lambda: [leg.fkine(x) for leg, x in zip(legs, q)],
+    "eval": lambda: [leg.eval(x) for leg, x in zip(legs, q)],
+}
 for line in sys.stdin:
     run = runs[line.strip()]
     run()
-    start = time.perf_counter()
+    start = time.thread_time()
     for _ in range(200):
         run()
-    print((time.perf_counter() - start) / 200, flush=True)
+    print((time.thread_time() - start) / 200, flush=True)
 """
 
 
@@ -82,10 +87,10 @@ def without_numba():
 
 
 def seconds(run, repeats):
-    start = time.perf_counter()
+    start = time.thread_time()
     for _ in range(repeats):
         run()
-    return (time.perf_counter() - start) / repeats
+    return (time.thread_time() - start) / repeats
 
 
 def compared(title, runs, base, bars, repetitions=15, repeats=1):
@@ -237,9 +242,8 @@ def derivation():
             sp.core.cache.clear_cache()
             times[name].append(seconds(run, 1))
     ratio = statistics.median(a / b for a, b in zip(times["ours"], times["simplify"], strict=True))
-    print(
-        f"derivation {min(times['ours']):.3f} s, by simplify {min(times['simplify']):.2f} s, ratio {ratio:.4f}   bar 0.02"
-    )
+    own, other = min(times["ours"]), min(times["simplify"])
+    print(f"derivation {own:.3f} s, by simplify {other:.2f} s, ratio {ratio:.4f}   bar 0.02")
 
 
 def main():
