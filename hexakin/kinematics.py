@@ -96,9 +96,10 @@ def inverse_kinematics(
     angle free, and 0 is returned; a stretched or folded leg's third angle is known to 1e-8 rad only, yet the foot is
     where it should be; a foot in the second joint of equally long links leaves the second angle free.
 
-    A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable
-    foot raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are
-    not, and their angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
+    A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached if it is missed
+    by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable foot raises
+    UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are not, and their angles
+    are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
     UnknownNameError for an unknown option.
     """
     check_robot(robot)

@@ -21,8 +21,8 @@ from hexakin.transforms import Array
 class LegFunctions:
     """Kinematics of a leg type, for parameters ``p`` (..., n) that broadcast against angles and feet (..., 3).
 
-    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``; ``loops_at`` is the
-    name or the file of the latter, None if there is none.
+    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``; ``loops_at`` is
+    the name or the file of the latter, None if there is none.
     """
 
     table: LegTable
