@@ -131,7 +131,7 @@ def make_scene(
         surfaces=() if ground is None else ground_surfaces(ground, p_foot),
         time=course.time[chosen],
         T_world_body=T,
-        T_body_segment=np.array([segment_poses(robot, angles) for angles in q]),
+        T_body_segment=segment_poses(robot, q),
         p_foot=p_foot,
         held=held,
         p_target=transform_points(T, course.p_body_foot[chosen]),

@@ -23,7 +23,7 @@ from hexakin.inverse_branches import (
 )
 from hexakin.leg_functions import closed_form
 from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points, wrapped
+from hexakin.transforms import Array, check_array, inverse_pose, transform_points, wrapped
 
 __all__ = [
     "BRANCH_SIGNS",
@@ -192,35 +192,33 @@ def standing_height(robot: Robot) -> float:
 def segment_poses(robot: Robot, q: ArrayLike) -> Array:
     """Pose in the body frame of each segment's frame (origin at its joint, x towards the next joint).
 
-    ``q`` (L, 3) [rad] -> (L, 3, 4, 4), the segments in the order coxa, femur, tibia.
+    ``q`` (..., L, 3) [rad] -> (..., L, 3, 4, 4), the segments in the order coxa, femur, tibia.
     """
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    if angles.ndim != 2:
-        raise InvalidInputError(f"q: expected shape ({robot.num_legs}, 3), got {angles.shape}")
-    result = np.empty((robot.num_legs, 3, 4, 4))
-    for leg in range(robot.num_legs):
-        fixed, frames, T = robot.fixed_poses(leg), robot.segment_poses(leg), np.eye(4)
-        for k in range(3):
-            T = T @ fixed[k] @ pose(axis_rotation([0.0, 0.0, 1.0], angles[leg, k]), np.zeros(3))
-            result[leg, k] = T @ frames[k]
-    return result
+    return _joint_poses(robot, q) @ np.array([robot.segment_poses(leg) for leg in range(robot.num_legs)])
 
 
 def joint_axes(robot: Robot, q: ArrayLike) -> Array:
     """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of each foot.
 
-    ``q`` (L, 3) [rad] -> (L, 3, 3).
+    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3).
     """
+    return np.swapaxes(_joint_poses(robot, q)[..., :3, 2], -1, -2)
+
+
+def _joint_poses(robot: Robot, q: ArrayLike) -> Array:
+    """Pose (..., L, 3, 4, 4) in the body frame of each joint's frame, turned with the joint, whose axis is its z."""
+    check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    if angles.ndim != 2:
-        raise InvalidInputError(f"q: expected shape ({robot.num_legs}, 3), got {angles.shape}")
-    result = np.empty((robot.num_legs, 3, 3))
-    for leg in range(robot.num_legs):
-        fixed, rotation = robot.fixed_poses(leg)[:, :3, :3], np.eye(3)
-        for k in range(3):
-            rotation = rotation @ fixed[k] @ axis_rotation([0.0, 0.0, 1.0], angles[leg, k])
-            result[leg, :, k] = rotation[:, 2]
-    return result
+    fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])
+    turns = np.zeros((*angles.shape, 4, 4))
+    turns[..., 0, 0] = turns[..., 1, 1] = np.cos(angles)
+    turns[..., 1, 0] = np.sin(angles)
+    turns[..., 0, 1] = -turns[..., 1, 0]
+    turns[..., 2, 2] = turns[..., 3, 3] = 1.0
+    poses = fixed[:, :3] @ turns
+    for joint in (1, 2):
+        poses[..., joint, :, :] = poses[..., joint - 1, :, :] @ poses[..., joint, :, :]
+    return poses
 
 
 def _raise_if_unreachable(solution: InverseSolution, many: bool) -> None:

@@ -204,3 +204,14 @@ def test_a_name_is_no_robot_and_a_hint_must_fit(athena):
     assert hk.inverse_kinematics(athena, one, near=hints).q.shape == (4, 6, 3)
     with pytest.raises(InvalidInputError, match="complex"):
         hk.forward_kinematics(athena, athena.standing_q + 1j)
+
+
+def test_joints_and_segments_of_many_poses_are_those_of_each(athena, rng):
+    q = rng.uniform(athena.q_min, athena.q_max, (2, 3, 6, 3))
+    poses, axes = hk.kinematics.segment_poses(athena, q), hk.kinematics.joint_axes(athena, q)
+    assert poses.shape == (2, 3, 6, 3, 4, 4) and axes.shape == (2, 3, 6, 3, 3)
+    np.testing.assert_array_equal(poses[1, 2], hk.kinematics.segment_poses(athena, q[1, 2]))
+    np.testing.assert_array_equal(axes[1, 2], hk.kinematics.joint_axes(athena, q[1, 2]))
+    ends = np.concatenate([poses[..., 1:, :3, 3], hk.forward_kinematics(athena, q)[..., None, :]], axis=-2)
+    along = (ends - poses[..., :3, 3]) / np.linalg.norm(ends - poses[..., :3, 3], axis=-1, keepdims=True)
+    np.testing.assert_allclose(poses[..., :3, 0], along, atol=1e-12)
