@@ -1,7 +1,7 @@
 """Compiled loops: numba's decorator with a cache on disk, and a word to the user while it compiles for the first time.
 
 This is the only module that imports numba; it carries the inner loops of contact time stepping, where a Python
-loop would cost more than the physics.
+loop would cost more than the physics, and of kinematics in large batches.
 """
 # numba checks a cached function against its own file, not against those it calls; _drop_stale does.
 
@@ -29,15 +29,22 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _PATIENCE = 1.0  # [s] a cached start is faster than this
 
 
+# The rooms that hold compiled functions, each with the sources that its machine code may have been made of.
+_ROOMS = {
+    ("contact", "engines"): ("compiled.py", "contact/*.py", "engines/*.py"),
+    ("generated",): ("compiled.py", "elementary.py", "compiled_elementary.py", "generated/*.py"),
+}
+
+
 def _drop_stale() -> None:
     """Delete cached machine code that is older than any source it may have been made of."""
     package = Path(__file__).parent
-    sources = [Path(__file__), *package.glob("contact/*.py"), *package.glob("engines/*.py")]
-    newest = max(source.stat().st_mtime for source in sources)
-    for index in package.glob("*/__pycache__/*.nbi"):
-        with contextlib.suppress(OSError):  # read-only, or another process was faster
-            if index.stat().st_mtime < newest:
-                index.unlink()
+    for rooms, patterns in _ROOMS.items():
+        newest = max(source.stat().st_mtime for pattern in patterns for source in package.glob(pattern))
+        for index in (index for room in rooms for index in package.glob(f"{room}/__pycache__/*.nbi")):
+            with contextlib.suppress(OSError):  # read-only, or another process was faster
+                if index.stat().st_mtime < newest:
+                    index.unlink()
 
 
 _drop_stale()
@@ -46,6 +53,30 @@ _drop_stale()
 def compiled(function: _Function) -> _Function:
     """Compile at the first call and keep the machine code beside the source (numba falls back to the user's cache)."""
     return cast(_Function, numba.njit(cache=True, error_model="numpy")(function))
+
+
+def contracted(function: _Function) -> _Function:
+    """Compile as a part of a ``kernel``: products and sums may be fused; no cache of its own."""
+    return cast(_Function, numba.njit(error_model="numpy", fastmath={"contract"})(function))
+
+
+def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Compile for the given types of ``arguments``, or load the machine code, at once; to be called without the GIL.
+
+    An array is written as its dimension, with ``r`` if it is only read (``"2r"``), or ``"b"`` behind it for flags.
+    """
+
+    def array(code: str) -> Any:
+        element = numba.types.boolean if code.endswith("b") else numba.types.float64
+        return numba.types.Array(element, int(code[0]), "C", readonly=code.endswith("r"))
+
+    signature = tuple(array(code) for code in arguments)
+
+    def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
+        jit: Any = numba.njit([signature], cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+        return cast(Callable[..., Any], jit(function))
+
+    return decorated
 
 
 @contextlib.contextmanager

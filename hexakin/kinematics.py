@@ -2,49 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin import numerical_inverse
+from hexakin.batch_kinematics import forward_of, jacobian_of
 from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.leg_functions import closed_form, leg_functions, reach
+from hexakin.inverse_branches import (
+    BRANCH_SIGNS,
+    InverseSolution,
+    every_branch,
+    followed,
+    inside,
+    nearest,
+    on_standing_branch,
+    picked,
+    standing_branch,
+)
+from hexakin.leg_functions import closed_form
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, axis_rotation, check_array, inverse_pose, pose, transform_points, wrapped
 
-BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-"""Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
-
-_LIMIT_TOLERANCE = 1e-9  # [rad]: rounding must not push a pose on its limit out of it
-# Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since
-# a stretched leg's own forward kinematics lands outside by rounding.
-_REACH_TOLERANCE = 1e-12
-
-
-@dataclass(frozen=True)
-class InverseSolution:
-    """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
-
-    ``q`` (..., L, 3) or (..., L, 4, 3) [rad], each within half a turn of the
-    middle of its limits, NaN where not reachable;
-    ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
-    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` (..., L) or
-    (..., L, 4) [m] from the leg's second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
-
-    ``numerical`` is true for a leg whose inverse is not known in closed form. Its branches are then the solutions that
-    were found, ordered by their largest angle's difference from the standing pose: 0 is the nearest to it.
-    """
-
-    q: Array
-    reachable: NDArray[np.bool_]
-    within_limits: NDArray[np.bool_]
-    branch: NDArray[np.int_]
-    distance: Array
-    reach: Array
-    numerical: bool = False
+__all__ = [
+    "BRANCH_SIGNS",
+    "InverseSolution",
+    "forward_kinematics",
+    "inverse_kinematics",
+    "jacobian",
+    "joint_axes",
+    "path_inverse_kinematics",
+    "posed_inverse_kinematics",
+    "segment_poses",
+    "standing_branch",
+    "standing_height",
+    "within_limits",
+]
 
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
@@ -53,9 +47,7 @@ def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     ``q`` (..., L, 3) [rad] -> (..., L, 3) [m]. Raises InvalidInputError for a wrong shape or an angle
     that is not finite, naming leg and joint.
     """
-    check_robot(robot)
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return leg_functions(robot.table).forward(robot.parameters, angles)
+    return _of_angles(forward_of, robot, q)
 
 
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
@@ -63,14 +55,30 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
 
     ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
     """
+    return _of_angles(jacobian_of, robot, q)
+
+
+def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array | None]], robot: Robot, q: ArrayLike) -> Array:
     check_robot(robot)
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    return leg_functions(robot.table).jacobian(robot.parameters, angles)
+    # The generated code finds infinities and NaN itself; an array is looked through only if it has.
+    fits = _fits(robot, q)
+    angles = cast(Array, q) if fits else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+    result = function_of(robot)(angles)
+    if result is None:
+        check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
+        # Finite, but too large for the polynomials of a batch.
+        result = function_of(robot)(np.arctan2(np.sin(angles), np.cos(angles)))
+    assert result is not None
+    return result
+
+
+def _fits(robot: Robot, values: ArrayLike) -> bool:
+    return type(values) is np.ndarray and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
     """Whether all three angles of each leg keep their limits: ``q`` (..., L, 3) [rad] -> (..., L)."""
-    return _inside(robot, check_array("q", q, (robot.num_legs, 3), ("leg", "joint")))
+    return inside(robot, check_array("q", q, (robot.num_legs, 3), ("leg", "joint")))
 
 
 def inverse_kinematics(
@@ -92,7 +100,10 @@ def inverse_kinematics(
     UnknownNameError for an unknown option.
     """
     check_robot(robot)
-    foot = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    closed = closed_form(robot.table)
+    # A coordinate that is not finite shows in its foot's distance: the feet are looked through only if one does.
+    checked = not (_fits(robot, p_body_foot) and near is None and closed)
+    foot = _feet(robot, p_body_foot) if checked else cast(Array, p_body_foot)
     if not isinstance(branch, str) or branch not in ("standing", "all"):
         raise UnknownNameError("branch", branch, ["standing", "all"])
     if on_unreachable not in ("mark", "raise"):
@@ -105,19 +116,23 @@ def inverse_kinematics(
             foot, hint = np.broadcast_arrays(foot, hint)
         except ValueError as error:
             raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
-        solution = _nearest(_every(robot, foot), hint)
+        solution = nearest(robot, foot, hint)
     elif branch == "all":
-        solution = _every(robot, foot)
-    elif not closed_form(robot.table):
+        solution = every_branch(robot, foot)
+    elif not closed:
         first = np.zeros(foot.shape[:-1], dtype=int)
-        solution = _pick(_every(robot, foot), first, first)
+        solution = picked(every_branch(robot, foot), first, first)
     else:
-        index = standing_branch(robot)
-        solution = _solve(robot, foot[..., None, :], BRANCH_SIGNS[index][:, None, :])
-        solution = _pick(solution, np.zeros(foot.shape[:-1], dtype=int), np.broadcast_to(index, foot.shape[:-1]))
+        solution = on_standing_branch(robot, foot)
+    if not checked and not np.isfinite(solution.distance.sum()):
+        _feet(robot, foot)
     if on_unreachable == "raise":
         _raise_if_unreachable(solution, many=branch == "all")
     return solution
+
+
+def _feet(robot: Robot, p_body_foot: ArrayLike) -> Array:
+    return check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
 
 
 def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
@@ -129,7 +144,7 @@ def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLik
     the standing pose's branch is taken if it serves. Where none reaches, the branch that reaches
     furthest is returned, with its flags. Raises InvalidInputError for a wrong shape or a value that is not finite.
     """
-    feet = check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
+    feet = _feet(robot, p_body_foot)
     if feet.ndim != 3 or len(feet) == 0:
         raise InvalidInputError(f"p_body_foot: expected shape (n, {robot.num_legs}, 3) with n > 0, got {feet.shape}")
     if near is None and closed_form(robot.table):
@@ -139,14 +154,14 @@ def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLik
     start = robot.standing_q if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
     if start.ndim != 2:
         raise InvalidInputError(f"near: expected shape ({robot.num_legs}, 3), got {start.shape}")
-    every = _every(robot, feet)
+    every = every_branch(robot, feet)
     if every.numerical:
-        return _followed(every, start)
+        return followed(every, start)
     change = np.nan_to_num(np.abs(wrapped(every.q[0] - start[:, None, :])).max(axis=-1), nan=np.pi)
     # By samples reached, then limits, then distance from the start.
     order = np.lexsort((change, ~every.within_limits.all(axis=0), -every.reachable.sum(axis=0)), axis=-1)
     chosen = np.broadcast_to(order[:, 0], feet.shape[:-1])
-    return _pick(every, chosen, chosen)
+    return picked(every, chosen, chosen)
 
 
 def posed_inverse_kinematics(
@@ -163,17 +178,6 @@ def posed_inverse_kinematics(
     except ValueError as error:
         raise InvalidInputError(f"T_world_body {T.shape} and p_world_foot {feet.shape} do not go together") from error
     return inverse_kinematics(robot, transform_points(inverse_pose(T), feet), **options)
-
-
-@lru_cache(maxsize=64)
-def standing_branch(robot: Robot) -> NDArray[np.int_]:
-    """Index (L,) into ``BRANCH_SIGNS`` of the branch that holds each leg's standing pose."""
-    feet = forward_kinematics(robot, robot.standing_q)
-    every = _every(robot, feet)
-    change = np.abs(wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
-    index = np.argmin(np.where(every.reachable, change, np.inf), axis=-1)
-    index.setflags(write=False)
-    return index
 
 
 def standing_height(robot: Robot) -> float:
@@ -214,78 +218,6 @@ def joint_axes(robot: Robot, q: ArrayLike) -> Array:
             rotation = rotation @ fixed[k] @ axis_rotation([0.0, 0.0, 1.0], angles[leg, k])
             result[leg, :, k] = rotation[:, 2]
     return result
-
-
-def _inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
-    # Branches, if any, stand between the legs and the joints.
-    extra = (slice(None), *[None] * branches, slice(None))
-    low, high = robot.q_min[extra], robot.q_max[extra]
-    return np.all((q >= low - _LIMIT_TOLERANCE) & (q <= high + _LIMIT_TOLERANCE), axis=-1)
-
-
-def _every(robot: Robot, foot: Array) -> InverseSolution:
-    """All four branches for feet (..., L, 3)."""
-    if closed_form(robot.table):
-        return _solve(robot, foot[..., None, :], BRANCH_SIGNS)
-    found = numerical_inverse.solve(robot, foot)
-    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
-    q = middle + wrapped(found.q - middle)
-    shape = q.shape[:-1]
-    distance = np.broadcast_to(found.distance[..., None], shape)
-    bounds = np.broadcast_to(reach(robot)[:, None, :], (*shape, 2))
-    indices = np.broadcast_to(np.arange(shape[-1]), shape)
-    flags = np.asarray(np.isfinite(q).all(axis=-1)), _inside(robot, q, branches=1)
-    return InverseSolution(q, *flags, indices, distance, bounds, numerical=True)
-
-
-def _followed(every: InverseSolution, start: Array) -> InverseSolution:
-    """Along a path (n, L, 4): at each sample the solution nearest to that of the sample before."""
-    chosen = np.zeros(every.reachable.shape[:-1], dtype=int)
-    legs = np.arange(len(start))
-    for k in range(len(chosen)):
-        change = np.abs(wrapped(every.q[k] - start[:, None, :])).max(axis=-1)
-        chosen[k] = np.argmin(np.where(every.reachable[k], change, np.inf), axis=-1)
-        here = every.q[k, legs, chosen[k]]
-        start = np.where(np.isfinite(here), here, start)
-    return _pick(every, chosen, chosen)
-
-
-def _solve(robot: Robot, foot: Array, signs: NDArray[np.int_]) -> InverseSolution:
-    """Solve every branch in ``signs`` (b, 2) or (L, b, 2) for feet (..., L, 1, 3)."""
-    p = robot.parameters[:, None, :]
-    angles, clearance, outer, inner, distance, reach = leg_functions(robot.table).inverse(
-        p, foot, signs[..., 0], signs[..., 1]
-    )
-    shape = np.broadcast_shapes(foot.shape[:-1], (robot.num_legs, signs.shape[-2]))
-    bounds = np.stack([np.broadcast_to(bound, shape) for bound in reach], axis=-1)
-    tolerance = _REACH_TOLERANCE * bounds[..., 1] ** 2
-    reachable = np.broadcast_to((clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance), shape)
-    # Each angle within half a turn of the middle of its limits, so that no range is cut at +-pi.
-    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
-    q = middle + wrapped(np.stack([np.broadcast_to(angle, shape) for angle in angles], axis=-1) - middle)
-    q = np.where(reachable[..., None], q, np.nan)
-    indices = np.broadcast_to(np.arange(signs.shape[-2]), shape)
-    return InverseSolution(
-        q, reachable, _inside(robot, q, branches=1), indices, np.broadcast_to(distance, shape), bounds
-    )
-
-
-def _pick(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:
-    def take(values: np.ndarray) -> Any:
-        extra = values.ndim - position.ndim - 1
-        index = position[(..., *[None] * (extra + 1))]
-        return np.take_along_axis(values, index, axis=position.ndim).squeeze(axis=position.ndim)
-
-    s = solution
-    taken = (take(s.q), take(s.reachable), take(s.within_limits), branch, take(s.distance), take(s.reach))
-    return InverseSolution(*taken, numerical=s.numerical)
-
-
-def _nearest(solution: InverseSolution, near: Array) -> InverseSolution:
-    change = np.abs(wrapped(solution.q - near[..., None, :])).max(axis=-1)
-    # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
-    position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
-    return _pick(solution, position, position)
 
 
 def _raise_if_unreachable(solution: InverseSolution, many: bool) -> None:

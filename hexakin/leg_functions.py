@@ -3,43 +3,97 @@
 from __future__ import annotations
 
 import importlib
-from functools import lru_cache
-from types import ModuleType, SimpleNamespace
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from types import ModuleType
 
 import numpy as np
 
-from hexakin.exceptions import NoClosedFormError
+from hexakin import code_cache
+from hexakin.elementary import to_half_turn
+from hexakin.exceptions import MissingPackageError, NoClosedFormError
 from hexakin.generated import MODULES
 from hexakin.robot import LegTable, Robot
 from hexakin.transforms import Array
 
 
-@lru_cache(maxsize=64)
-def leg_functions(table: LegTable) -> ModuleType | SimpleNamespace:
-    """Return ``forward``, ``jacobian`` and ``inverse`` of a leg type: prepared ones if there are, else derived now.
+@dataclass(frozen=True)
+class LegFunctions:
+    """Kinematics of a leg type, for parameters ``p`` (..., n) that broadcast against angles and feet (..., 3).
 
-    Without a closed-form inverse ``inverse`` raises NoClosedFormError when it is called.
+    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``.
     """
+
+    table: LegTable
+    numeric: ModuleType
+    loops_at: str | None
+
+    def forward(self, p: Array, q: Array) -> Array:
+        """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]."""
+        return np.stack(self._of_angles("forward", p, q), axis=-1)
+
+    def jacobian(self, p: Array, q: Array) -> Array:
+        """Derivative (..., 3, 3) [m/rad] of the foot position by the angles."""
+        entries = self._of_angles("jacobian", p, q)
+        return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
+
+    def _of_angles(self, name: str, p: Array, q: Array) -> list[Array]:
+        constants = getattr(self.numeric, f"{name}_constants")(np.moveaxis(p, -1, 0))
+        angles, possible = to_half_turn(q)
+        if not possible:
+            angles = np.arctan2(np.sin(q), np.cos(q))
+        return list(
+            np.broadcast_arrays(*getattr(self.numeric, f"{name}_arrays")(constants, np.moveaxis(angles, -1, 0)))
+        )
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether the inverse is known in closed form."""
+        return self.numeric.CLOSED_FORM
+
+    def check_closed_form(self) -> None:
+        """Raise NoClosedFormError unless the inverse is known in closed form."""
+        if not self.closed_form:
+            raise NoClosedFormError(f"no closed-form inverse is known for the leg table {self.table.rows}")
+
+    @cached_property
+    def loops(self) -> ModuleType | None:
+        """The compiled loops, None without numba or a place for its machine code; loading them takes about a second.
+
+        It takes some ten when they are compiled, once for an installation.
+        """
+        if self.loops_at is None:
+            return None
+        try:
+            from hexakin.compiled import announced
+
+            with announced("the kinematics of large batches"):
+                if self.loops_at.endswith(".py"):
+                    return code_cache.loaded(code_cache.Path(self.loops_at))
+                return importlib.import_module(self.loops_at)
+        except (MissingPackageError, OSError, RuntimeError):
+            # numba raises RuntimeError where it finds no place for its cache: each process would compile anew.
+            return None
+
+
+@lru_cache(maxsize=64)
+def leg_functions(table: LegTable) -> LegFunctions:
+    """Return the functions of a leg type: prepared ones if there are, else from the user's cache, else derived now."""
     module = MODULES.get(table.type_key)
     if module is not None:
-        return importlib.import_module(f"hexakin.generated.{module}")
-    from hexakin.symbolic import generate
+        name = f"hexakin.generated.{module}"
+        return LegFunctions(table, importlib.import_module(name), f"{name}_loops")
+    try:
+        paths = code_cache.modules(table)
+        return LegFunctions(table, code_cache.loaded(paths["numeric"]), str(paths["loops"]))
+    except OSError:
+        text = code_cache.derived(table)["numeric"]
+        return LegFunctions(table, code_cache.executed(text, f"<leg type {table.type_key}>", "derived"), None)
 
-    namespace: dict[str, Any] = {}
-    exec(compile(generate(table), f"<leg type {table.type_key}>", "exec"), namespace)  # our own generated source
-    return SimpleNamespace(**{name: namespace[name] for name in ("forward", "jacobian", "inverse")})
 
-
-@lru_cache(maxsize=64)
 def closed_form(table: LegTable) -> bool:
     """Whether the inverse of a leg type is known in closed form."""
-    try:
-        with np.errstate(all="ignore"):
-            leg_functions(table).inverse(np.ones((1, len(table.parameters))), np.ones((1, 3)), 1, 1)
-    except NoClosedFormError:
-        return False
-    return True
+    return leg_functions(table).closed_form
 
 
 def reach(robot: Robot, *, limited: bool = False) -> Array:

@@ -7,8 +7,10 @@ import pytest
 import sympy as sp
 
 import hexakin as hk
+from hexakin.code_generation import generated_files
 from hexakin.exceptions import NoClosedFormError
 from hexakin.kinematics import BRANCH_SIGNS
+from hexakin.leg_functions import leg_functions
 from hexakin.robot import DHRow, LegTable
 
 
@@ -87,7 +89,7 @@ def test_the_inverse_solves_the_forward_equations_symbolically(leg):
 def test_the_shipped_code_is_what_the_generator_writes():
     folder = Path(hk.symbolic.__file__).with_name("generated")
     written = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.py")}
-    assert written == hk.symbolic.generated_files()
+    assert written == generated_files()
 
 
 def table(convention, rows, joints=("a", "b", "c")):
@@ -103,21 +105,34 @@ def test_a_modified_table_gives_the_same_leg_as_the_classical_one(rng):
     assert [sp.simplify(a - b) for a, b in zip(first.inverse.q, second.inverse.q, strict=True)] == [0, 0, 0]
 
 
-def test_a_leg_with_an_offset_along_its_first_plane_has_its_inverse_derived(rng):
+def test_a_leg_with_an_offset_along_its_first_plane_has_its_inverse_derived(rng, tmp_path, monkeypatch):
     """Joint b is displaced by d along its own axis, so that the foot's plane misses the first axis."""
+    monkeypatch.setenv("HEXAKIN_CACHE", str(tmp_path))
     offset = table("classical", [("a", 0, "l2", "pi/2"), ("b", "d", "l3", 0), ("c", 0, "l4", 0)])
-    namespace: dict = {}
-    exec(hk.symbolic.generate(offset), namespace)
+    functions = leg_functions(offset)
     p = np.array([{"l2": 0.05, "l3": 0.1, "l4": 0.12, "d": 0.02}[name] for name in offset.parameters])
-    q = rng.uniform(-1.4, 1.4, (1000, 3))
-    foot = namespace["forward"](p, q)
-    angles, clearance, outer, inner, _, _ = namespace["inverse"](
-        p, foot[:, None], BRANCH_SIGNS[:, 0], BRANCH_SIGNS[:, 1]
-    )
-    back = namespace["forward"](p, np.stack(np.broadcast_arrays(*angles), axis=-1))
-    exists = (clearance >= 0) & (outer >= 0) & (inner >= 0)
-    assert exists.any(axis=1).all()
-    assert np.abs(back - foot[:, None])[exists].max() < 1e-12
+    foot = functions.forward(p, rng.uniform(-1.4, 1.4, (1000, 3)))
+    for side, knee in BRANCH_SIGNS.astype(float):
+        constants = functions.numeric.inverse_constants(p, side, knee)
+        *angles, clearance, outer, inner, square = functions.numeric.inverse_arrays(constants, foot.T)
+        exists = (clearance >= 0) & (outer >= 0) & (inner >= 0)
+        assert exists.sum() > 50
+        back = functions.forward(p, np.stack(angles, axis=-1))
+        assert np.abs(back - foot)[exists].max() < 1e-14
+        assert (np.sqrt(square[exists]) <= functions.numeric.reach(p)[1]).all()
+
+
+def test_parallel_axes_at_fixed_angles_and_differences_of_joints_are_generated(rng):
+    """The third joint turns against the second; a fixed angle stands between them."""
+    odd = table("classical", [("a", 0, "l2", "pi/2"), ("b", 0, "l3", 0), ("pi/3", 0, "l5", "pi"), ("c", 0, "l4", 0)])
+    functions, leg = leg_functions(odd), hk.symbolic.derive(odd)
+    p, q = rng.uniform(0.05, 0.1, len(odd.parameters)), rng.uniform(-3.0, 3.0, (20, 3))
+    for k in range(len(q)):
+        values = dict(zip((*leg.parameters, *leg.joints), (*p, *q[k]), strict=True))
+        exact = np.array(leg.foot.subs(values).evalf(30), dtype=float).ravel()
+        assert functions.forward(p, q)[k] == pytest.approx(exact, abs=1e-15)
+        exact = np.array(leg.jacobian.subs(values).evalf(30), dtype=float)
+        assert functions.jacobian(p, q)[k] == pytest.approx(exact, abs=1e-15)
 
 
 def test_a_leg_without_a_known_closed_form_is_refused_by_name():

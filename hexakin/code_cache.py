@@ -1,0 +1,113 @@
+"""Numeric code of leg types that are not shipped, kept in the user's cache directory.
+
+A file is named after the leg type and the generator that wrote it, and begins with a checksum of the rest: one that is
+damaged counts as missing, and one of an older generator is never looked at. Files are written whole and renamed into
+place, so that processes may do so at once. Where nothing can be written, the code is derived in each process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+
+from hexakin.robot import LegTable
+
+PARTS = ("numeric", "loops")
+
+
+def directory() -> Path:
+    """Where the code is kept; ``HEXAKIN_CACHE`` in the environment overrides the platform's place for caches."""
+    chosen = os.environ.get("HEXAKIN_CACHE")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
+    elif sys.platform == "darwin":
+        base = Path("~/Library/Caches")
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    return base.expanduser() / "hexakin" / "leg_types"
+
+
+def modules(table: LegTable) -> dict[str, Path]:
+    """Return the files of a leg type, ``numeric`` and ``loops``, derived and written first if they are not there.
+
+    Raises OSError if they cannot be written.
+    """
+    stem = hashlib.sha256(f"{_generator()}\n{table.type_key}".encode()).hexdigest()[:24]
+    paths = {part: directory() / f"leg_{stem}_{part}.py" for part in PARTS}
+    if any(_checked(path) is None for path in paths.values()):
+        sources = derived(table)
+        paths["numeric"].parent.mkdir(parents=True, exist_ok=True)
+        for part, path in paths.items():
+            _write(path, sources[part])
+    return paths
+
+
+def derived(table: LegTable) -> dict[str, str]:
+    """Source text of a leg type, derived now."""
+    from hexakin.code_generation import generate
+
+    sources = generate(table)
+    return {"numeric": sources.numeric, "loops": sources.loops}
+
+
+def loaded(path: Path) -> ModuleType:
+    """Return the module of a file that ``modules`` gave."""
+    text = _checked(path)
+    if text is None:
+        raise OSError(f"{path}: changed since it was written")
+    return executed(text, str(path), path.stem)
+
+
+def executed(text: str, filename: str, name: str) -> ModuleType:
+    """Return a module made of the generator's own source text."""
+    module = ModuleType(f"hexakin.generated.{name}")
+    module.__file__ = filename
+    exec(compile(text, filename, "exec"), module.__dict__)
+    # numba looks for the module of a function by its name.
+    sys.modules[module.__name__] = module
+    return module
+
+
+@lru_cache(maxsize=1)
+def _generator() -> str:
+    package = Path(__file__).parent
+    names = (
+        "symbolic.py",
+        "code_program.py",
+        "code_generation.py",
+        "elementary.py",
+        "compiled_elementary.py",
+        "compiled.py",
+    )
+    return hashlib.sha256(b"".join((package / name).read_bytes() for name in names)).hexdigest()
+
+
+def _checked(path: Path) -> str | None:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+    first, _, rest = text.partition("\n")
+    return text if first == _checksum(rest) else None
+
+
+def _checksum(text: str) -> str:
+    return f"# sha256 {hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def _write(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(f"{_checksum(text)}\n{text}")
+        os.replace(temporary, path)
+    except OSError:
+        Path(temporary).unlink(missing_ok=True)
+        raise

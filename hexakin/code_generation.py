@@ -1,0 +1,261 @@
+"""Numeric code of a leg type, written from its symbolic kinematics for three machines.
+
+One program of assignments (``hexakin.code_program``) is printed three times:
+
+- *scalar*: Python's floats, leg by leg, for one pose;
+- *arrays*: NumPy, for blocks that fit the cache;
+- *loops*: compiled by numba, for large batches.
+
+``python -m hexakin.symbolic`` writes the code of the shipped leg types into ``hexakin.generated``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from hexakin.code_program import Program, Statement, angle, program_of_angles, program_of_feet
+from hexakin.exceptions import NoClosedFormError
+from hexakin.robot import LegTable
+from hexakin.robot_file import DATA, load_robot
+from hexakin.symbolic import LegKinematics, derive
+
+
+class _Printer(PythonCodePrinter):
+    """Python with the names that a target has for its functions."""
+
+    def __init__(self, names: dict[str, str]):
+        super().__init__({"fully_qualified_modules": False})
+        self.names = names
+
+    def _call(self, expression: sp.Expr) -> str:
+        name = self.names[expression.func.__name__]
+        return f"{name}({', '.join(self._print(argument) for argument in expression.args)})"
+
+    _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
+
+    def _print_angle(self, expression: angle) -> str:
+        y, x, length = map(self._print, expression.args)
+        if self.names["angle"] == "angle":
+            return f"angle({y}, {x}, {length})"
+        # A zero is not to be negative: the angle of the zero vector is 0.
+        return f"atan2({y} + 0.0, {x} + 0.0)"
+
+    def _print_Pow(self, expression: sp.Pow, **_: object) -> str:
+        base = self._print(expression.base)
+        if expression.exp == sp.Rational(1, 2):
+            return f"{self.names['sqrt']}({base})"
+        if expression.exp == 2 and expression.base.is_Symbol:
+            return f"({base}*{base})"
+        return f"({base})**({self._print(expression.exp)})"
+
+
+_SCALAR = _Printer({"sqrt": "sqrt", "angle": "atan2", "Max": "max", "Abs": "abs"})
+_ARRAYS = _Printer({"sqrt": "numpy.sqrt", "angle": "angle", "Max": "numpy.maximum", "Abs": "numpy.abs"})
+_LOOPS = _Printer({"sqrt": "sqrt", "angle": "angle", "Max": "maximum", "Abs": "abs"})
+_CONSTANTS = _Printer(
+    {f: f"numpy.{f}" for f in ("sin", "cos", "sqrt", "sign")} | {"Max": "numpy.maximum", "Abs": "numpy.abs"}
+)
+
+
+def _assignments(statements: Iterable[Statement], printer: _Printer) -> list[str]:
+    return [f"{name} = {printer.doprint(value)}" for name, value in statements]
+
+
+def _unpacked(names: Iterable[object], source: str) -> str:
+    return f"({''.join(f'{name}, ' for name in names)}) = {source}"
+
+
+def _function(head: str, summary: str, lines: Iterable[str], decorator: str = "") -> str:
+    body = "\n".join("    " + line for line in lines)
+    return f'{decorator}def {head}:\n    """{summary}"""\n{body}\n\n\n'
+
+
+def _constants(program: Program, name: str, parameters: Sequence[sp.Symbol], extra: str = "") -> str:
+    values = ", ".join(_CONSTANTS.doprint(value) for value in program.constants)
+    lines = [_unpacked(parameters, "p"), f"return [{values}]"]
+    return _function(f"{name}_constants(p{extra})", "Constants of legs with parameters ``p`` (n, ...).", lines)
+
+
+_PAIRS = "(s0, s1, s2), (k0, k1, k2)"
+
+
+def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: Sequence[sp.Symbol]) -> str:
+    """Scalar and array code of a function of the joint angles."""
+    names = program.constants.values()
+    unpacked = ", ".join(f"{c}" for c in names) + ("," if len(program.constants) == 1 else "")
+    inner = ["s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)"]
+    inner += _assignments(program.body, _SCALAR)
+    inner.append(f"result += ({', '.join(map(_SCALAR.doprint, results))})")
+    scalar = ["result = []", f"for ({unpacked}), (q0, q1, q2) in zip(constants, angles):"]
+    scalar += ["    " + line for line in inner]
+    arrays = [_unpacked(names, "constants"), f"{_PAIRS} = sincos(angles)", *_assignments(program.body, _ARRAYS)]
+    arrays.append(f"return {', '.join(map(_ARRAYS.doprint, results))}")
+    return (
+        _constants(program, name, parameters)
+        + _function(f"{name}_scalar(constants, angles)", "All entries, leg by leg.", [*scalar, "return result"])
+        + _function(f"{name}_arrays(constants, angles)", "Each entry for angles (3, ...).", arrays)
+    )
+
+
+_WRAPPED = "q{0} + TURN * {round}((middle{0} - q{0}) * PER_TURN)"
+_BOUNDS = ["tolerance", *(f"{name}{k}" for name in ("middle", "low", "high") for k in range(3))]
+_INVERSE_SCALAR = """\
+if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
+    {wrapped}
+    angles += (q0, q1, q2)
+    reachable.append(True)
+    within.append(low0 <= q0 <= high0 and low1 <= q1 <= high1 and low2 <= q2 <= high2)
+else:
+    angles += (nan, nan, nan)
+    reachable.append(False)
+    within.append(False)
+distance.append(sqrt(square))"""
+_INVERSE_RESULTS = "q0, q1, q2, clearance, outer, inner, square"
+
+
+def _of_feet(program: Program, results: list[sp.Expr], leg: LegKinematics) -> str:
+    """Scalar and array code of the inverse."""
+    names = list(program.constants.values())
+    solved = f"{_INVERSE_RESULTS} = " + ", ".join(map(_SCALAR.doprint, results))
+    wrapped = "; ".join(f"q{k} = " + _WRAPPED.format(k, round="round") for k in range(3))
+    inner = [*_assignments(program.body, _SCALAR), solved, *_INVERSE_SCALAR.format(wrapped=wrapped).split("\n")]
+    scalar = ["angles, reachable, within, distance = [], [], [], []"]
+    scalar.append(f"for ({', '.join(map(str, [*names, *_BOUNDS]))}), (x, y, z) in zip(constants, feet):")
+    scalar += ["    " + line for line in inner]
+    arrays = [_unpacked(names, "constants"), "x, y, z = feet", *_assignments(program.body, _ARRAYS)]
+    arrays.append(f"return {', '.join(map(_ARRAYS.doprint, results))}")
+    reach = [_unpacked(leg.parameters, "p"), f"return {', '.join(map(_CONSTANTS.doprint, leg.inverse.reach))}"]
+    return (
+        _constants(program, "inverse", leg.parameters, ", side, knee")
+        + _function("reach(p)", "Inner and outer reach.", reach)
+        + _function(
+            "inverse_scalar(constants, feet)",
+            "Angles, whether reachable and within the limits, and distance, leg by leg.",
+            [*scalar, "return angles, reachable, within, distance"],
+        )
+        + _function("inverse_arrays(constants, feet)", f"{_INVERSE_RESULTS} for feet (3, ...).", arrays)
+    )
+
+
+def _angle_loops(name: str, program: Program, results: list[sp.Expr]) -> str:
+    width = len(results)
+    names = program.constants.values()
+    lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
+    lines += [f"s{k}, k{k} = sincos(angles[3 * m + {k}])" for k in range(3)] + _assignments(program.body, _LOOPS)
+    lines += [f"result[{width} * m + {i}] = {_LOOPS.doprint(value)}" for i, value in enumerate(results)]
+    block = ["for m in range(angles.shape[0] // 3):", *("    " + line for line in lines)]
+    drive = f"""\
+tile, worst = constants.shape[1], 0
+scratch = numpy.empty(3 * tile)
+for start in range(0, angles.shape[0] // 3, tile):
+    part = angles[3 * start : 3 * (start + tile)]
+    state = to_half_turn(part, scratch)
+    worst = max(worst, state)
+    near = part if state == 0 else scratch[: part.shape[0]]
+    _{name}(constants, near, result[{width} * start : {width} * (start + tile)])
+return worst"""
+    return _function(f"_{name}(constants, angles, result)", "One block.", block, "@contracted\n") + _function(
+        f"{name}(constants, angles, result)", "All blocks.", drive.split("\n"), '@kernel("2r", "1r", "1")\n'
+    )
+
+
+def _foot_loops(program: Program, results: list[sp.Expr]) -> str:
+    names = [*program.constants.values(), *_BOUNDS]
+    lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
+    lines += [f"{axis} = feet[3 * m + {k}]" for k, axis in enumerate("xyz")] + _assignments(program.body, _LOOPS)
+    lines += [f"{_INVERSE_RESULTS} = {', '.join(map(_LOOPS.doprint, results))}"]
+    lines += [f"q{k} = " + _WRAPPED.format(k, round="rounded") for k in range(3)]
+    lines += ["there = (clearance >= -tolerance) & (outer >= -tolerance) & (inner >= -tolerance)"]
+    inside = " & ".join(f"(low{k} <= q{k}) & (q{k} <= high{k})" for k in range(3))
+    lines += ["reachable[m] = there", f"within[m] = there & {inside}", "distance[m] = sqrt(square)"]
+    lines += [f"angles[3 * m + {k}] = q{k} if there else nan" for k in range(3)]
+    block = ["for m in range(feet.shape[0] // 3):", *("    " + line for line in lines)]
+    drive = """\
+tile = constants.shape[2]
+for start in range(0, feet.shape[0] // 3, tile):
+    stop = start + tile
+    for b in range(constants.shape[0]):
+        _inverse(constants[b], feet[3 * start : 3 * stop], angles[b, 3 * start : 3 * stop],
+                 reachable[b, start:stop], within[b, start:stop], distance[b, start:stop])"""
+    arguments = "(constants, feet, angles, reachable, within, distance)"
+    return _function(f"_inverse{arguments}", "One block.", block, "@contracted\n") + _function(
+        f"inverse{arguments}", "All blocks.", drive.split("\n"), '@kernel("3r", "1r", "2", "2b", "2b", "2")\n'
+    )
+
+
+_HEAD = '''"""{what} of the leg type {key!r}.
+
+Generated by ``python -m hexakin.symbolic``; not to be edited.
+"""
+# ruff: noqa
+
+from math import atan2, cos, nan, sin, sqrt
+
+import numpy
+
+'''
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Text of the two modules of a leg type: ``numeric`` needs NumPy alone, ``loops`` numba."""
+
+    numeric: str
+    loops: str
+
+
+def generate(table: LegTable) -> Sources:
+    """Write the numeric code of a leg type.
+
+    ``numeric`` has ``CLOSED_FORM`` and, for forward, jacobian and (if there is a closed form) inverse, functions ending
+    in ``_constants``, ``_scalar`` and ``_arrays``; ``loops`` has a kernel for each.
+    """
+    leg = derive(table.canonical())
+    forward, jacobian = ((p, [*r]) for p, r in (program_of_angles(leg, m) for m in ([*leg.foot], [*leg.jacobian])))
+    numeric = _of_angles("forward", *forward, leg.parameters) + _of_angles("jacobian", *jacobian, leg.parameters)
+    loops = _angle_loops("forward", *forward) + _angle_loops("jacobian", *jacobian)
+    try:
+        inverse = program_of_feet(leg)
+    except NoClosedFormError:
+        closed = False
+    else:
+        closed = True
+        numeric += _of_feet(*inverse, leg)
+        loops += _foot_loops(*inverse)
+    head = _HEAD.format(what="Kinematics", key=table.type_key)
+    head += f"from hexakin.elementary import PER_TURN, TURN, angle, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
+    loops_head = _HEAD.format(what="Compiled loops", key=table.type_key)
+    loops_head += (
+        "from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn\n"
+        "from hexakin.elementary import PER_TURN, TURN\n\n\n"
+    )
+    return Sources((head + numeric).rstrip() + "\n", (loops_head + loops).rstrip() + "\n")
+
+
+def generated_files() -> dict[str, str]:
+    """Return file name -> text of ``hexakin.generated`` for the leg types of all shipped robots."""
+    files: dict[str, str] = {}
+    modules: dict[str, str] = {}
+    for path in sorted((DATA / "robots").glob("*.yaml")):
+        table = load_robot(path).table
+        if table.type_key not in modules:
+            modules[table.type_key] = path.stem
+            sources = generate(table)
+            files[f"{path.stem}.py"], files[f"{path.stem}_loops.py"] = sources.numeric, sources.loops
+    entries = "".join(f'    "{key}": "{module}",\n' for key, module in modules.items())
+    files["__init__.py"] = (
+        '"""Generated kinematics of the shipped leg types, each named after the first robot that has it."""\n\n'
+        f"MODULES = {{\n{entries}}}\n"
+    )
+    return files
+
+
+def write_generated_files() -> None:
+    """Rewrite ``hexakin.generated``."""
+    for name, text in generated_files().items():
+        (Path(__file__).with_name("generated") / name).write_text(text, encoding="utf-8")

@@ -1,0 +1,89 @@
+"""The formulas of ``hexakin.elementary`` for one number each, for compiled loops that become vector instructions.
+
+For LLVM to vectorise it a loop must have no branch, call or exception: hence rounding by an addition, and a largest of
+two as a choice. Products and sums may be fused, so that the last bits differ from NumPy's.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hexakin.compiled import contracted, kernel
+from hexakin.elementary import (
+    HALF_TURN,
+    LARGEST,
+    PER_TURN,
+    ROUNDING,
+    TAN_DENOMINATOR,
+    TAN_NUMERATOR,
+    TINY,
+    TURN_HIGH,
+    TURN_LOW,
+    TWICE_ATAN,
+)
+from hexakin.transforms import Array
+
+__all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos", "to_half_turn"]
+
+_N1, _N2, _N3, _N4 = TAN_NUMERATOR[1:]
+_D1, _D2, _D3, _D4 = TAN_DENOMINATOR[1:]
+_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7, _A8, _A9, _A10 = TWICE_ATAN
+
+
+@contracted
+def sincos(x: float) -> tuple[float, float]:
+    """Sine and cosine of an angle up to ``HALF_TURN`` [rad]."""
+    y = 0.5 * x
+    z = y * y
+    # Short chains of operations, many at once (Estrin's scheme).
+    zz = z * z
+    n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + 1.0)) * y
+    d = ((_D4 * zz + (_D3 * z + _D2)) * zz) + (_D1 * z + 1.0)
+    scale = 1.0 / (d * d + n * n)
+    return (n + n) * d * scale, (d * d - n * n) * scale
+
+
+@contracted
+def rounded(x: float) -> float:
+    """The nearest whole number."""
+    return (x + ROUNDING) - ROUNDING
+
+
+@contracted
+def maximum(a: float, b: float) -> float:
+    """The larger of two numbers."""
+    return a if a > b else b
+
+
+@contracted
+def angle(y: float, x: float, length: float) -> float:
+    """Angle [rad] of the vector (``x``, ``y``) of known ``length``; 0 of the zero vector."""
+    a, b = abs(x), abs(y)
+    larger, smaller = (a, b) if a > b else (b, a)
+    t = smaller / maximum(larger + length, TINY)
+    z = t * t
+    zz = z * z
+    low = (_A3 * z + _A2) * zz + (_A1 * z + _A0)
+    high = (_A10 * zz + (_A9 * z + _A8)) * (zz * zz) + ((_A7 * z + _A6) * zz + (_A5 * z + _A4))
+    t *= high * (zz * zz) + low
+    t = 0.5 * math.pi - t if b > a else t
+    t = math.pi - t if x < 0.0 else t
+    return -t if y < 0.0 else t
+
+
+@contracted
+def to_half_turn(angles: Array, scratch: Array) -> int:
+    """Say whether all ``angles`` are at most ``HALF_TURN`` (0); if not, write them less whole turns into ``scratch``.
+
+    Returns 1 then, and 2 if one is beyond ``LARGEST`` or not a number.
+    """
+    far, lost = 0, 0
+    for k in range(angles.shape[0]):
+        far += not (abs(angles[k]) <= HALF_TURN)
+    if far == 0:
+        return 0
+    for k in range(angles.shape[0]):
+        lost += not (abs(angles[k]) <= LARGEST)
+        turns = rounded(angles[k] * PER_TURN)
+        scratch[k] = (angles[k] - turns * TURN_HIGH) - turns * TURN_LOW
+    return 2 if lost > 0 else 1

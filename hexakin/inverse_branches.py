@@ -1,0 +1,170 @@
+"""Branches of the inverse kinematics: all of them, the standing pose's, the one nearest to given angles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hexakin import numerical_inverse
+from hexakin.batch_kinematics import LIMIT_TOLERANCE, Solved, forward_of, inverse_of, reach_of
+from hexakin.leg_functions import closed_form, reach
+from hexakin.robot import Robot
+from hexakin.transforms import Array, wrapped
+
+BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+"""Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
+
+_CHUNK = 1024  # poses whose four branches are compared at a time: what that takes stays in the cache
+
+
+@dataclass(frozen=True)
+class InverseSolution:
+    """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
+
+    ``q`` (..., L, 3) or (..., L, 4, 3) [rad], each within half a turn of the
+    middle of its limits, NaN where not reachable;
+    ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
+    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` (..., L) or
+    (..., L, 4) [m] from the leg's second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
+
+    ``numerical`` is true for a leg whose inverse is not known in closed form. Its branches are then the solutions that
+    were found, ordered by their largest angle's difference from the standing pose: 0 is the nearest to it.
+    """
+
+    q: Array
+    reachable: NDArray[np.bool_]
+    within_limits: NDArray[np.bool_]
+    branch: NDArray[np.int_]
+    distance: Array
+    reach: Array
+    numerical: bool = False
+
+
+@lru_cache(maxsize=64)
+def standing_branch(robot: Robot) -> NDArray[np.int_]:
+    """Index (L,) into ``BRANCH_SIGNS`` of the branch that holds each leg's standing pose."""
+    feet = forward_of(robot)(robot.standing_q)
+    assert feet is not None
+    every = every_branch(robot, feet)
+    change = np.abs(wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
+    index = np.argmin(np.where(every.reachable, change, np.inf), axis=-1)
+    index.setflags(write=False)
+    return index
+
+
+def inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
+    """Whether angles (..., L, 3), or (..., L, b, 3) with ``branches`` 1, keep the limits."""
+    extra = (slice(None), *[None] * branches, slice(None))
+    low, high = robot.q_min[extra], robot.q_max[extra]
+    return np.all((q >= low - LIMIT_TOLERANCE) & (q <= high + LIMIT_TOLERANCE), axis=-1)
+
+
+def every_branch(robot: Robot, foot: Array) -> InverseSolution:
+    """All four branches for feet (..., L, 3)."""
+    if closed_form(robot.table):
+        shape = foot.shape[:-1]
+        solved = _for_every_branch(robot)(foot)
+        # They lie in memory branch by branch.
+        return InverseSolution(
+            np.moveaxis(solved.q.reshape(4, *shape, 3), 0, -2),
+            np.moveaxis(solved.reachable.reshape(4, *shape), 0, -1),
+            np.moveaxis(solved.within_limits.reshape(4, *shape), 0, -1),
+            np.broadcast_to(np.arange(4), (*shape, 4)),
+            np.moveaxis(solved.distance.reshape(4, *shape), 0, -1),
+            np.broadcast_to(reach_of(robot)[:, None, :], (*shape, 4, 2)),
+        )
+    found = numerical_inverse.solve(robot, foot)
+    middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
+    q = middle + wrapped(found.q - middle)
+    shape = q.shape[:-1]
+    distance = np.broadcast_to(found.distance[..., None], shape)
+    bounds = np.broadcast_to(reach(robot)[:, None, :], (*shape, 2))
+    indices = np.broadcast_to(np.arange(shape[-1]), shape)
+    flags = np.asarray(np.isfinite(q).all(axis=-1)), inside(robot, q, branches=1)
+    return InverseSolution(q, *flags, indices, distance, bounds, numerical=True)
+
+
+def followed(every: InverseSolution, start: Array) -> InverseSolution:
+    """Along a path (n, L, 4): at each sample the solution nearest to that of the sample before."""
+    chosen = np.zeros(every.reachable.shape[:-1], dtype=int)
+    legs = np.arange(len(start))
+    for k in range(len(chosen)):
+        change = np.abs(wrapped(every.q[k] - start[:, None, :])).max(axis=-1)
+        chosen[k] = np.argmin(np.where(every.reachable[k], change, np.inf), axis=-1)
+        here = every.q[k, legs, chosen[k]]
+        start = np.where(np.isfinite(here), here, start)
+    return picked(every, chosen, chosen)
+
+
+@lru_cache(maxsize=64)
+def _for_every_branch(robot: Robot) -> Callable[[Array], Solved]:
+    return inverse_of(robot, BRANCH_SIGNS)
+
+
+@lru_cache(maxsize=64)
+def _for_standing_branch(robot: Robot) -> Callable[[Array], Solved]:
+    return inverse_of(robot, BRANCH_SIGNS[standing_branch(robot)][:, None, :])
+
+
+@lru_cache(maxsize=64)
+def _same_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], Array]:
+    """Branch and reach of legs in a result of ``shape`` (..., L): read-only views of one value each."""
+    return np.broadcast_to(standing_branch(robot), shape), np.broadcast_to(reach_of(robot), (*shape, 2))
+
+
+def on_standing_branch(robot: Robot, foot: Array) -> InverseSolution:
+    """Each leg's standing branch for feet (..., L, 3)."""
+    shape = foot.shape[:-1]
+    found = _for_standing_branch(robot)(foot)
+    index, bounds = _same_for_all(robot, shape)
+    return InverseSolution(
+        found.q.reshape(foot.shape),
+        found.reachable.reshape(shape),
+        found.within_limits.reshape(shape),
+        index,
+        found.distance.reshape(shape),
+        bounds,
+    )
+
+
+def picked(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:
+    """Of a solution with every branch the one at ``position`` (..., L), which is numbered ``branch``."""
+
+    def take(values: np.ndarray) -> Any:
+        extra = values.ndim - position.ndim - 1
+        index = position[(..., *[None] * (extra + 1))]
+        return np.take_along_axis(values, index, axis=position.ndim).squeeze(axis=position.ndim)
+
+    s = solution
+    taken = (take(s.q), take(s.reachable), take(s.within_limits), branch, take(s.distance), take(s.reach))
+    return InverseSolution(*taken, numerical=s.numerical)
+
+
+def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
+    """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
+    if foot.size <= 3 * _CHUNK:
+        return _nearest_of(every_branch(robot, foot), near)
+    flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
+    parts = [
+        _nearest_of(every_branch(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK])
+        for k in range(0, len(flat), _CHUNK)
+    ]
+
+    def joined(name: str) -> Any:
+        values = np.concatenate([getattr(part, name) for part in parts])
+        return values.reshape(*foot.shape[:-2], *values.shape[1:])
+
+    names = ("q", "reachable", "within_limits", "branch", "distance", "reach")
+    return InverseSolution(**{name: joined(name) for name in names}, numerical=parts[0].numerical)
+
+
+def _nearest_of(solution: InverseSolution, near: Array) -> InverseSolution:
+    change = np.abs(wrapped(solution.q - near[..., None, :])).max(axis=-1)
+    # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
+    position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
+    return picked(solution, position, position)

@@ -1,0 +1,80 @@
+"""Sine, cosine and the angle of a vector: their coefficients derived again, and their errors against mpmath."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from hexakin import elementary
+
+
+def solved(rows, right):
+    return [1.0, *map(float, mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(right)))]
+
+
+def chebyshev_points(top, count):
+    """Points of [0, top] in which to interpolate, with the first one moved to 0."""
+    points = [top / 2 * (1 - mpmath.cos((2 * k + 1) * mpmath.pi / (2 * count + 2))) for k in range(count + 1)]
+    return [(point - points[0]) * top / (top - points[0]) for point in points[1:]]
+
+
+def test_the_coefficients_of_the_tangent_are_those_of_an_interpolation():
+    mpmath.mp.dps = 50
+    top = (mpmath.pi / 2 * mpmath.mpf("1.0001")) ** 2
+    rows, right = [], []
+    for z in chebyshev_points(top, 8):
+        s, c = mpmath.sin(mpmath.sqrt(z)) / mpmath.sqrt(z), mpmath.cos(mpmath.sqrt(z))
+        # (1 + n_1 z + ...) c = (1 + d_1 z + ...) s
+        rows.append([c * z**k for k in range(1, 5)] + [-s * z**k for k in range(1, 5)])
+        right.append(s - c)
+    found = solved(rows, right)
+    assert found[:5] == list(elementary.TAN_NUMERATOR)
+    assert [1.0, *found[5:]] == list(elementary.TAN_DENOMINATOR)
+
+
+def test_the_coefficients_of_the_arctangent_are_those_of_an_interpolation():
+    mpmath.mp.dps = 40
+    top = mpmath.tan(mpmath.pi / 8) ** 2 * mpmath.mpf("1.0001")
+    points = chebyshev_points(top, 10)
+    rows = [[z**k for k in range(1, 11)] for z in points]
+    right = [mpmath.atan(mpmath.sqrt(z)) / mpmath.sqrt(z) - 1 for z in points]
+    assert [2.0 * value for value in solved(rows, right)] == list(elementary.TWICE_ATAN)
+
+
+def test_a_turn_is_split_so_that_whole_turns_are_taken_off_exactly():
+    mpmath.mp.dps = 50
+    rest = 2 * mpmath.pi - mpmath.mpf(elementary.TURN_HIGH) - mpmath.mpf(elementary.TURN_LOW)
+    turns = int(elementary.LARGEST / elementary.TURN) + 1
+    assert abs(rest) * turns < 1e-19
+    mantissa, _ = np.frexp(elementary.TURN_HIGH)
+    assert mantissa * 2.0**31 % 1.0 == 0.0 and turns < 2**19
+
+
+@pytest.mark.parametrize("size", [1.6, np.pi, 50.0, 1e6, elementary.LARGEST])
+def test_sine_and_cosine_of_small_and_large_angles(rng, size):
+    mpmath.mp.dps = 50
+    x = np.concatenate([rng.uniform(-size, size, 2000), [0.0, -0.0, size, -size], np.pi / 2 * np.arange(-2, 3)])
+    reduced, possible = elementary.to_half_turn(x)
+    assert possible
+    # The remainder of whole turns is rounded once, to 2^-52 at most.
+    bound = 5e-16 if size <= elementary.HALF_TURN else 8e-16
+    for value, sine, cosine in zip(x.tolist(), *elementary.sincos(reduced), strict=True):
+        c, s = mpmath.cos_sin(mpmath.mpf(value))
+        assert abs(sine - s) < bound and abs(cosine - c) < bound
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 3.1e6, -1e300])
+def test_angles_that_cannot_be_reduced_are_said(bad):
+    assert not elementary.to_half_turn(np.array([0.1, bad, 4.0]))[1]
+
+
+def test_the_angle_of_a_vector(rng):
+    direction = np.concatenate([rng.uniform(-np.pi, np.pi, 5000), np.pi / 4 * np.arange(-4, 5)])
+    length = 10.0 ** rng.uniform(-12, 3, len(direction))
+    x, y = length * np.cos(direction), length * np.sin(direction)
+    assert np.abs(elementary.angle(y, x, np.hypot(x, y)) - np.arctan2(y, x)).max() < 1e-15
+
+
+@pytest.mark.parametrize("y", [0.0, -0.0])
+@pytest.mark.parametrize("x", [0.0, -0.0])
+def test_the_zero_vector_has_the_angle_zero(x, y):
+    assert elementary.angle(np.array([y]), np.array([x]), np.array([0.0])) == 0.0
