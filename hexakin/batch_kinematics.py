@@ -134,7 +134,7 @@ class _Inverse:
 
     @cached_property
     def tiled(self) -> dict[int, Array]:
-        return {size: _tiled(self.constants, size) for size in (_BLOCK, _TILE // 2)}
+        return {size: _tiled(self.constants, size) for size in (_BLOCK, _TILE)}
 
     def __call__(self, foot: Array) -> Solved:
         """Solve for feet (..., L, 3) [m]."""
@@ -153,7 +153,7 @@ class _Inverse:
         )
         loops = _loops(self.functions, branches * count)
         if loops is not None:
-            loops.inverse(self.tiled[_TILE // 2], flat, result.q.reshape(branches, -1), *result[1:])
+            loops.inverse(self.tiled[_TILE], flat, result.q.reshape(branches, -1), *result[1:])
         else:
             # A foot that is too far for its square is not reached.
             with np.errstate(over="ignore", invalid="ignore"):

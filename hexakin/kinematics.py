@@ -44,8 +44,8 @@ __all__ = [
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     """Foot positions in the body frame (A(12)).
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m]. Raises InvalidInputError for a wrong shape or an angle
-    that is not finite, naming leg and joint.
+    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m], to four units in the last place of the leg's length, for angles of any
+    size. Raises InvalidInputError for a wrong shape or an angle that is not finite, naming leg and joint.
     """
     return _of_angles(forward_of, robot, q)
 
@@ -92,8 +92,9 @@ def inverse_kinematics(
     """Joint angles that bring the feet to ``p_body_foot`` (..., L, 3) [m] in the body frame (A(14)-(18)).
 
     The branch is that of the standing pose, or the one nearest to the angles ``near`` (..., L, 3), or
-    all four with ``branch="all"``. A foot on the first joint's axis leaves its first angle free: 0 is
-    returned. A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached
+    all four with ``branch="all"``. Singular targets are solved too: a foot on the first joint's axis leaves the first
+    angle free, and 0 is returned; a stretched or folded leg's third angle is known to 1e-8 rad only, yet the foot is
+    where it should be; a foot in the second joint of equally long links leaves the second angle free. A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached
     if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable
     foot raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are
     not, and their angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
