@@ -85,6 +85,9 @@ class Animation:
     speed: float
     follow: bool
 
+    def __repr__(self) -> str:
+        return f"<Animation of {self.scene.title}, {self.scene.time[-1] - self.scene.time[0]:.3g} s>"
+
     def html(self) -> str:
         """Return the page: one HTML document without any other file; raises MissingPackageError without meshcat."""
         return page_of(self.scene, self.speed, self.follow)

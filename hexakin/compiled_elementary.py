@@ -39,9 +39,8 @@ def sincos(x: float) -> tuple[float, float]:
     zz = z * z
     n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + 1.0)) * y
     d = ((_D4 * zz + (_D3 * z + _D2)) * zz) + (_D1 * z + 1.0)
-    nn = n * n
-    scale = 2.0 / (d * d + nn)
-    return n * d * scale, 1.0 - nn * scale
+    scale = 1.0 / (d * d + n * n)
+    return (n + n) * d * scale, (d * d - n * n) * scale
 
 
 @contracted

@@ -94,10 +94,12 @@ def inverse_kinematics(
     The branch is that of the standing pose, or the one nearest to the angles ``near`` (..., L, 3), or
     all four with ``branch="all"``. Singular targets are solved too: a foot on the first joint's axis leaves the first
     angle free, and 0 is returned; a stretched or folded leg's third angle is known to 1e-8 rad only, yet the foot is
-    where it should be; a foot in the second joint of equally long links leaves the second angle free. A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached
-    if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable
-    foot raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are
-    not, and their angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
+    where it should be; a foot in the second joint of equally long links leaves the second angle free.
+
+    A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached if it is missed
+    by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable foot raises
+    UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are not, and their angles
+    are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
     UnknownNameError for an unknown option.
     """
     check_robot(robot)

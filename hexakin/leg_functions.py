@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from hexakin import code_cache
 from hexakin.elementary import to_half_turn
 from hexakin.exceptions import MissingPackageError, NoClosedFormError
 from hexakin.generated import MODULES
@@ -21,12 +21,13 @@ from hexakin.transforms import Array
 class LegFunctions:
     """Kinematics of a leg type, for parameters ``p`` (..., n) that broadcast against angles and feet (..., 3).
 
-    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``.
+    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``; ``loops_at`` is
+    the name or the file of the latter, None if there is none.
     """
 
     table: LegTable
     numeric: ModuleType
-    loops_at: str | None
+    loops_at: str | Path | None
 
     def forward(self, p: Array, q: Array) -> Array:
         """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]."""
@@ -68,8 +69,10 @@ class LegFunctions:
             from hexakin.compiled import announced
 
             with announced("the kinematics of large batches"):
-                if self.loops_at.endswith(".py"):
-                    return code_cache.loaded(code_cache.Path(self.loops_at))
+                if isinstance(self.loops_at, Path):
+                    from hexakin import code_cache
+
+                    return code_cache.loaded(self.loops_at)
                 return importlib.import_module(self.loops_at)
         except (MissingPackageError, OSError, RuntimeError):
             # numba raises RuntimeError where it finds no place for its cache: each process would compile anew.
@@ -83,9 +86,11 @@ def leg_functions(table: LegTable) -> LegFunctions:
     if module is not None:
         name = f"hexakin.generated.{module}"
         return LegFunctions(table, importlib.import_module(name), f"{name}_loops")
+    from hexakin import code_cache
+
     try:
         paths = code_cache.modules(table)
-        return LegFunctions(table, code_cache.loaded(paths["numeric"]), str(paths["loops"]))
+        return LegFunctions(table, code_cache.loaded(paths["numeric"]), paths["loops"])
     except OSError:
         text = code_cache.derived(table)["numeric"]
         return LegFunctions(table, code_cache.executed(text, f"<leg type {table.type_key}>", "derived"), None)

@@ -229,7 +229,12 @@ class Robot:
 
     def fixed_poses(self, leg: int) -> Array:
         """Return the constant poses of leg ``leg`` (index from 0) around its joints; see ``LegTable.fixed_poses``."""
-        return self.table.fixed_poses(self.legs[leg].values)
+        return self._fixed_poses[leg]
+
+    @cached_property
+    def _fixed_poses(self) -> Array:
+        # Asked for at every tick of a walk.
+        return read_only([self.table.fixed_poses(leg.values) for leg in self.legs])
 
     def segment_poses(self, leg: int) -> Array:
         """Pose (3, 4, 4) of each segment's frame (x towards the next joint) in the frame of its joint."""

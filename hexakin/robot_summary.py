@@ -6,10 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hexakin.gait import tripod
 from hexakin.kinematics import forward_kinematics, standing_height
 from hexakin.leg_functions import closed_form, reach
 from hexakin.robot import SEGMENT_NAMES, Body, Robot
 from hexakin.robot_checks import most_inertia, principal_moments
+from hexakin.stability import margin as edge_distance
+from hexakin.stability import support_polygon
 
 _LEVEL = 1e-3  # [m] between the highest and the lowest foot of the standing pose
 _MARGIN = np.deg2rad(1.0)  # of a joint in the standing pose
@@ -136,6 +139,7 @@ def _leg_remarks(robot: Robot) -> Iterator[str]:
     if gaps.min() < _SAME:
         one, other = (int(index) for index in np.unravel_index(int(gaps.argmin()), gaps.shape))
         yield f"legs: legs {one + 1} and {other + 1} start at the same place"
+    yield from _tripod_remarks(robot)
     stretched = float(np.linalg.norm(robot.fixed_poses(0)[1:, :3, 3], axis=-1).sum())
     strength = robot.servo.max_torque / (robot.mass * 9.81 * stretched)
     if not _STRENGTH[0] <= strength <= _STRENGTH[1]:
@@ -143,3 +147,15 @@ def _leg_remarks(robot: Robot) -> Iterator[str]:
         yield f"servo.max_torque: {robot.servo.max_torque:g} N m is {need}; is it in N m?"
     if robot.servo.max_speed is None:
         yield "servo.max_speed: not given; checks of feasibility leave speeds out"
+
+
+def _tripod_remarks(robot: Robot) -> Iterator[str]:
+    """Of six legs that are not listed around the body: the tripod gait then swings all legs of a side, or two."""
+    if robot.num_legs != 6:
+        return
+    feet = forward_kinematics(robot, robot.standing_q)
+    for group in tripod(robot).groups:
+        if not edge_distance(robot.torso.center_of_mass[:2], support_polygon(feet[list(group)])) > 0.0:
+            legs = ", ".join(str(leg + 1) for leg in group)
+            yield f"legs: the tripod gait stands on legs {legs}, which do not hold the body; list legs around the body"
+            return

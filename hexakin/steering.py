@@ -173,11 +173,13 @@ class SteeringRun:
         begins |= (self._time <= self._dt + 1e-12) & (np.nan_to_num(share, nan=1.0) * duration <= self._dt + 1e-9)
         needed = np.linalg.norm(self._feet - c.home, axis=1) > _AT_HOME
         needed |= np.linalg.norm(c.velocity(self._twist, c.home), axis=1) > _STILL
-        self._lifted = np.where(begins[:, None], self._feet, self._lifted)
         landed = self._swings & np.isnan(share)
         self._swings = np.where(begins, needed, self._swings & ~np.isnan(share))
         stance = forward_kinematics(c.robot, self._rolled())
-        for leg in np.flatnonzero(landed):  # between this tick and the last one
+        # Feet lift off, and land, between this tick and the last one.
+        held = np.clip(1.0 - np.nan_to_num(share) * duration / self._dt, 0.0, 1.0)[:, None]
+        self._lifted = np.where(begins[:, None], self._feet + held * (stance - self._feet), self._lifted)
+        for leg in np.flatnonzero(landed):
             since = np.mod(cycle - c._gait.offsets[leg] - (1.0 - c._gait.duty_factor) + 1e-9, 1.0) * c.cycle_duration
             stance[leg] = _moved(c, self._twist, landing, since)[leg]
         leaving, meeting = (duration * c.velocity(self._twist, feet) for feet in (self._lifted, landing))

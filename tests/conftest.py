@@ -6,6 +6,14 @@ import hexakin as hk
 from hexakin.robot_file import DATA
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache_of_its_own(tmp_path_factory):
+    """Code of leg types that are not shipped is derived anew and leaves nothing in the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HEXAKIN_CACHE", str(tmp_path_factory.mktemp("leg_types")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def athena():
     return hk.load_robot("athena")

@@ -101,6 +101,22 @@ def test_what_is_unusual_is_remarked_on_and_not_refused(change, message):
     assert len(found) == 1 and f"remark: {found[0]}\n" in summary(robot)
 
 
+def test_legs_that_are_not_listed_around_the_body_are_remarked_on():
+    tree = copy.deepcopy(ATHENA)
+    order = ("right front", "left front", "right middle", "left middle", "right rear", "left rear")
+    legs = {leg["name"]: leg for leg in tree["legs"]}
+    tree["legs"] = [legs[name] for name in order]
+    robot = robot_from_tree(tree, "mine.yaml")
+    assert [remark[:50] for remark in remarks(robot)] == ["legs: the tripod gait stands on legs 1, 3, 5, whic"]
+    walk = hk.feasibility.commanded_walk(hk.PostureController(robot), hk.terrain.Plane(), num_cycles=1)
+    assert "balance" in hk.feasibility.check(robot, walk, hk.terrain.Plane()).binding
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_shipped_robots_list_their_legs_around_the_body(name):
+    assert not any(remark.startswith("legs: the tripod") for remark in remarks(hk.load_robot(name)))
+
+
 def test_athena_is_not_remarked_on(athena):
     assert remarks(athena) == ()
 

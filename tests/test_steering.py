@@ -209,3 +209,14 @@ def test_a_leg_that_is_stretched_straight_stops_no_walk(athena):
     for tick in range(40):
         command = run.command(Observation(tick / 20.0, straight, np.ones(6), 0.1))
         assert np.isfinite(command.q).all()
+
+
+@pytest.mark.parametrize(("gait", "cycle"), [("tripod", 2.0), ("ripple", 3.0)])
+def test_a_foot_that_lifts_off_moves_with_the_ground_until_then(athena, gait, cycle):
+    controller = SteeringController(athena, Twist(0.02), gait, cycle_duration=cycle, rise_duration=0.0)
+    walk = commanded_walk(controller, PLANE, num_cycles=5, control_rate=20.0)
+    steady = walk.time > 6.0
+    steps, stance = np.diff(walk.p_body_foot[steady] @ athena.forward, axis=0), walk.carrying[steady]
+    lifting = stance[:-1] & ~stance[1:]  # lift-offs fall on ticks here
+    assert lifting.any()
+    np.testing.assert_allclose(steps[lifting], -0.02 / 20.0, rtol=0.2)

@@ -130,15 +130,18 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
     bounds = np.concatenate([np.zeros(len(cones)), -free.ravel(), free.ravel()])
     carried = np.repeat(problem.carrying[instant], 3)
     limits = [(None, None) if carries else (0.0, 0.0) for carries in carried] + [(0.0, None)]
-    found = linprog(
-        np.r_[np.zeros(size), 1.0],
-        A_ub=inequalities,
-        b_ub=bounds,
-        A_eq=np.hstack([problem.equilibrium[instant], np.zeros((6, 1))]),
-        b_eq=problem.weight,
-        bounds=limits,
-        method="highs",
-    )
+    for method in _METHODS:
+        found = linprog(
+            np.r_[np.zeros(size), 1.0],
+            A_ub=inequalities,
+            b_ub=bounds,
+            A_eq=np.hstack([problem.equilibrium[instant], np.zeros((6, 1))]),
+            b_eq=problem.weight,
+            bounds=limits,
+            method=method,
+        )
+        if found.status in (0, _INFEASIBLE):
+            break
     if found.status == _INFEASIBLE:
         return None
     if found.status != 0:
@@ -146,6 +149,8 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
     return float(found.fun)
 
 
+# HiGHS' simplex ends without an answer on some instants at which the robot tips; its interior-point method has one.
+_METHODS = ("highs", "highs-ipm")
 _INFEASIBLE = 2  # linprog's status of a problem that is shown to have no solution
 
 
