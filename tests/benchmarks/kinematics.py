@@ -6,7 +6,8 @@ Sizes from a single pose to a million. Each library's answer is compared with he
 slow, or knows no batches, is timed on fewer poses. hexakin's times include what its calls always do: shape and finite
 numbers are checked, the inverse flags reach and limits. The textbook's inverse computes the same flags; the libraries
 check nothing. Every call returns new arrays; whether their pages must be asked of the system first depends on what the
-process did before, for all codes alike, and weighs most at a thousand poses. Times are the thread's own, so that what else runs does not count; caches are shared all the same.
+process did before, for all codes alike, and weighs most at a thousand poses. Times are the thread's own, so that what
+else runs does not count; caches are shared all the same.
 """
 
 import subprocess
