@@ -2,6 +2,7 @@
 # make test        lint, types, unit tests, notebook tests
 # make lab         JupyterLab
 # make reference   the library's reference, made of its docstrings
+# make benchmarks  speed beside other libraries, into data/results/speed.csv; for an idle machine
 # Each works as the first command; the set-up is done when it is needed.
 
 # The first Python 3.11 found; name another one with: make reproduce PYTHON=/path/to/python3.11
@@ -11,10 +12,10 @@ VENV := .venv
 RUN := $(VENV)/bin/python -m
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test lab reference notebooks environment generated clean
+.PHONY: help reproduce test lab reference benchmarks notebooks environment generated clean
 
 help:
-	@sed -n '1,5s/^# //p' Makefile
+	@sed -n '1,6s/^# //p' Makefile
 
 reproduce: $(VENV)/installed
 	@$(RUN) hexakin.report notebooks report
@@ -33,6 +34,10 @@ lab: $(VENV)/installed
 reference: $(VENV)/installed
 	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -m pdoc --docformat numpy --output-directory report/reference hexakin
 	@echo "Reference: report/reference/index.html"
+
+benchmarks: $(VENV)/installed
+	$(RUN) pip install --quiet --disable-pip-version-check -r tests/benchmarks/peers.txt
+	$(VENV)/bin/python tests/benchmarks
 
 # For maintainers: run the notebooks in place, so that their stored outputs are fresh.
 notebooks: $(VENV)/installed

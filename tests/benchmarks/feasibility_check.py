@@ -1,34 +1,30 @@
-"""Time the check of a long walk at once and instant by instant, in turn: medians and the ratio.
+"""Time the check of a long walk at once, beside the same check instant by instant.
 
-Run with ``python tests/benchmarks/feasibility_check.py [repeats] [instants]``. The walk is paper B's, on a ramp; each
-check has all constraints, the force distribution (friction cones as pyramids of 16 sides) included. Set-up (the leg
-functions, the solvers) is made before. One by one, each call has two instants: a joint's speed needs the one before.
-The answers are compared first.
+    python tests/benchmarks/feasibility_check.py [--quick]
+
+The walk is paper B's, on a ramp; each check has all constraints, the force distribution (friction cones as pyramids of
+16 sides) included. Set-up (the leg functions, the solvers) is made before. One by one, each call has two instants: a
+joint's speed needs the one before. The answers are compared first.
 """
 
 import dataclasses
-import statistics
-import sys
-import time
 
 import numpy as np
+from comparison import alone, compared, interleaved, timed
 
 import hexakin as hk
 from hexakin.feasibility import check
 from hexakin.feasibility.motion import motion_of
 
-LIMIT = 1.0  # [s] for 1000 instants of six legs
+INSTANTS = 1000
 
 
-def main() -> None:
-    """Print the medians, the median of the paired ratios and their range."""
-    given = [int(argument) for argument in sys.argv[1:]]
-    repeats, instants = given + [5, 1000][len(given) :]
+def measure(quick=False):
+    """One row."""
     robot, ramp = hk.load_robot("hwr"), hk.terrain.Ramp(heading=0.0)
-    steps = -(-instants // 40)
-    plan = hk.plan_walk(robot, ramp, num_steps=steps, step_length=0.05, samples_per_step=40)
-    motion = cut(motion_of(plan), slice(0, instants))
-    pairs = [cut(motion, slice(max(k - 1, 0), k + 1)) for k in range(instants)]  # a speed needs the instant before
+    plan = hk.plan_walk(robot, ramp, num_steps=INSTANTS // 40, step_length=0.05, samples_per_step=40)
+    motion = cut(motion_of(plan), slice(0, INSTANTS))
+    pairs = [cut(motion, slice(max(k - 1, 0), k + 1)) for k in range(INSTANTS)]  # a speed needs the instant before
 
     def at_once():
         return check(robot, motion, ramp)
@@ -40,19 +36,8 @@ def main() -> None:
     assert whole.feasible and all(report.feasible for report in single)
     costs = np.array([report.forces.cost[-1] for report in single])
     np.testing.assert_allclose(whole.forces.cost, costs, rtol=1e-7)
-    times = [(seconds(at_once), seconds(one_by_one)) for _ in range(repeats)]
-    batch, loop = (statistics.median(column) for column in zip(*times, strict=True))
-    ratios = sorted(a / b for a, b in times)
-    print(f"check of {instants} instants of {robot.num_legs} legs, {repeats} pairs; answers equal")
-    print(f"  at once {batch:.3f} s (bar for 1000: {LIMIT:g} s), one by one {loop:.2f} s")
-    print(f"  ratio {statistics.median(ratios):.4f} (pairs {ratios[0]:.4f} to {ratios[-1]:.4f})")
-
-
-def seconds(work) -> float:
-    """Wall time of a call."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
+    times = interleaved({"at once": timed(at_once), "one by one": timed(one_by_one)}, 2 if quick else 7)
+    return compared("feasibility check", INSTANTS, "instant", times, {("at once", "one by one"): None})
 
 
 def cut(motion, span):
@@ -62,4 +47,4 @@ def cut(motion, span):
 
 
 if __name__ == "__main__":
-    main()
+    alone(measure)

@@ -1,29 +1,37 @@
-"""Time ``import hexakin`` against ``import numpy``: fresh interpreters in turn, medians and the ratio.
+"""Time ``import hexakin`` against ``import numpy``, each in a fresh interpreter and measured inside it.
 
-Run with ``python tests/benchmarks/import_time.py [repeats]``. Each time is
-that of the import alone, measured inside the process.
+hexakin loads everything when it is first used, NumPy included: its import alone is not what a program pays, and the
+second row has what was put off.
+
+    python tests/benchmarks/import_time.py [--quick]
 """
 
-import statistics
+import functools
 import subprocess
 import sys
 
-SCRIPT = "import time; start = time.perf_counter(); import {}; print(time.perf_counter() - start)"
+from comparison import alone, compared, interleaved
+
+SCRIPT = "import time; start = time.perf_counter(); {}; print(time.perf_counter() - start)"
+NUMPY, OURS = "import numpy", "import hexakin"
+FIRST_USE = "import hexakin, first forward kinematics"
+CODE = {
+    NUMPY: NUMPY,
+    OURS: OURS,
+    FIRST_USE: "import hexakin as hk; r = hk.load_robot('athena'); hk.forward_kinematics(r, r.standing_q)",
+}
 
 
-def seconds(module: str) -> float:
-    """Import time [s] of a module in a fresh interpreter."""
-    return float(subprocess.run([sys.executable, "-c", SCRIPT.format(module)], capture_output=True, check=True).stdout)
+def seconds(code):
+    """Time [s] of some code in a fresh interpreter."""
+    return float(subprocess.run([sys.executable, "-c", SCRIPT.format(code)], capture_output=True, check=True).stdout)
 
 
-def main() -> None:
-    """Print both medians and the median of the paired ratios."""
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 15
-    pairs = [(seconds("hexakin"), seconds("numpy")) for _ in range(repeats + 1)][1:]
-    ours, numpy = (statistics.median(column) for column in zip(*pairs, strict=True))
-    ratio = statistics.median(a / b for a, b in pairs)
-    print(f"import hexakin {1e3 * ours:.1f} ms, import numpy {1e3 * numpy:.1f} ms, ratio {ratio:.3f} ({repeats} pairs)")
+def measure(quick=False):
+    """Two rows: the import, and all that it has put off when a robot's kinematics have been used once."""
+    times = interleaved({name: functools.partial(seconds, code) for name, code in CODE.items()}, 5 if quick else 25)
+    return compared("import", 1, "import", times, {(OURS, NUMPY): 1.2, (FIRST_USE, NUMPY): None}, clock="wall")
 
 
 if __name__ == "__main__":
-    main()
+    alone(measure)

@@ -1,16 +1,15 @@
-"""Time ``plan_walk`` (7 steps, 6 legs, 100 samples a step) beside a plain loop over samples and legs, in turn.
+"""Time ``plan_walk`` (7 steps, 6 legs, 100 samples a step) beside a plain loop over samples and legs.
 
-Run with ``python tests/benchmarks/plan_walk.py [repeats]``. The loop is what one would write without arrays: for each
-sample and leg a cycloid point, a change of frame and the paper's inverse formulas in plain ``math``. Both must agree
-first.
+    python tests/benchmarks/plan_walk.py [--quick]
+
+The loop is what one would write without arrays: for each sample and leg a cycloid point, a change of frame and the
+paper's inverse formulas in plain ``math``, for flat ground only and without checks. Both must agree first.
 """
 
 import math
-import statistics
-import sys
-import time
 
 import numpy as np
+from comparison import alone, compared, interleaved, timed
 
 import hexakin as hk
 
@@ -49,24 +48,20 @@ def loop(robot, footholds, height):
     return np.array(q)
 
 
-def main() -> None:
-    """Check that both agree, then print medians and the ratio."""
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 30
+def measure(quick=False):
+    """One row."""
     robot = hk.load_robot("hwr")
-    plan = hk.plan_walk(robot, hk.terrain.Plane(), NUM_STEPS, STEP, samples_per_step=SAMPLES)
+
+    def planned():
+        return hk.plan_walk(robot, hk.terrain.Plane(), NUM_STEPS, STEP, samples_per_step=SAMPLES)
+
+    plan = planned()
     footholds, height = plan.footholds.tolist(), float(plan.T_world_body[0, 2, 3])
     assert np.abs(loop(robot, footholds, height) - plan.q).max() < 1e-9
-    pairs = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        hk.plan_walk(robot, hk.terrain.Plane(), NUM_STEPS, STEP, samples_per_step=SAMPLES)
-        middle = time.perf_counter()
-        loop(robot, footholds, height)
-        pairs.append((middle - start, time.perf_counter() - middle))
-    ours, plain = (1e3 * statistics.median(column) for column in zip(*pairs, strict=True))
-    ratio = statistics.median(a / b for a, b in pairs)
-    print(f"plan_walk {ours:.1f} ms, plain loop {plain:.1f} ms, ratio {ratio:.2f} ({repeats} pairs)")
+    timings = {"plan_walk": timed(planned), "plain loop": timed(lambda: loop(robot, footholds, height))}
+    times = interleaved(timings, 5 if quick else 31)
+    return compared("walk plan", len(plan.q), "sample", times, {("plan_walk", "plain loop"): None})
 
 
 if __name__ == "__main__":
-    main()
+    alone(measure)

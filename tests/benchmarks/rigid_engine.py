@@ -1,27 +1,34 @@
 """Time per step of engine "rigid" as ratios to PyBullet and MuJoCo, in one interleaved run.
 
-    pip install mujoco
-    python tests/benchmarks/rigid_engine.py
+    python tests/benchmarks/rigid_engine.py [--quick]
 
 All three replay the same joint commands of ATHENA's walk at steps of 1 ms, on the level and on blocks; MuJoCo has a
 position servo with the same rate, torque limit and friction, from the same URDF. The closed loop is
-``hexakin.simulate``, controller, sensors and recording included. Medians over repetitions; the machine's own speed
-cancels in a ratio.
+``hexakin.simulate``, controller, sensors and recording included. Engine "pybullet" is
+hexakin's, which asks PyBullet for the contacts and rates of every step, as the sensors' means need them;
+rigid has the same means from its own loop. "pybullet, no sensors" only steps, and so does MuJoCo.
+Engines with different contact laws do not walk to the same millimetre: that the
+three bodies stay within a few centimetres of each other is checked first.
 """
 
-import statistics
+import functools
+import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
 import numpy as np
+from comparison import alone, compared, installed, interleaved, timed
 
 import hexakin as hk
 from hexakin.engines import engine_class
 from hexakin.simulation import starting_pose
 from hexakin.urdf import to_urdf
 
-REPETITIONS, SECONDS, STEPS_PER_TICK = 7, 4.0, 50
+SECONDS, STEPS_PER_TICK = 4.0, 50
+BARE = "pybullet, no sensors"
+APART = 0.05  # [m] between the bodies of two engines
 
 athena = hk.load_robot("athena")
 
@@ -80,79 +87,113 @@ class MuJoCo:
         self.data.ctrl[:] = np.ravel(q_command)
         for _ in range(num_steps):
             self.mujoco.mj_step(self.model, self.data)
+        T = np.eye(4)
+        T[:3, 3] = self.data.qpos[:3]
+        return SimpleNamespace(T_world_body=T)
+
+    def close(self):
+        """Nothing to close."""
+
+
+class BarePyBullet:
+    """hexakin's PyBullet engine without its sensors: commands and steps only, and the pose after each tick."""
+
+    def __init__(self, robot, terrain):
+        self.engine = engine_class("pybullet")(robot, terrain)
+        self.place = self.engine.place
+        self.close = self.engine.close
+
+    def advance(self, q_command, num_steps):
+        import pybullet
+
+        engine, servo = self.engine, athena.servo
+        count = len(engine._joints)
+        pybullet.setJointMotorControlArray(
+            engine._body, engine._joints, pybullet.POSITION_CONTROL, targetPositions=np.ravel(q_command).tolist(),
+            targetVelocities=[0.0] * count, forces=[servo.max_torque] * count,
+            positionGains=[servo.rate * engine._time_step] * count, velocityGains=[1.0] * count,
+            physicsClientId=engine._client,
+        )  # fmt: skip
+        for _ in range(num_steps):
+            pybullet.stepSimulation(physicsClientId=engine._client)
+        T = np.eye(4)
+        T[:3, 3] = pybullet.getBasePositionAndOrientation(engine._body, physicsClientId=engine._client)[0]
+        return SimpleNamespace(T_world_body=T)
 
 
 def replay(make, terrain, commands):
-    """Time per step [s] of replaying ``commands`` after a settled start."""
+    """Thread's time per step [s] of replaying ``commands`` after a settled start, and the body's path (n, 3)."""
     engine = make(athena, terrain)
     q = athena.standing_q
     engine.place(starting_pose(athena, terrain, q), q)
     engine.advance(q, 500)
-    start = time.perf_counter()
+    path, start = [], time.thread_time()
     for command in commands:
-        engine.advance(command, STEPS_PER_TICK)
-    return (time.perf_counter() - start) / (len(commands) * STEPS_PER_TICK), engine
+        path.append(engine.advance(command, STEPS_PER_TICK).T_world_body[:3, 3])
+    taken = time.thread_time() - start
+    engine.close()
+    return taken / (len(commands) * STEPS_PER_TICK), np.array(path)
 
 
-def closed_loop(name, terrain):
-    start = time.perf_counter()
-    hk.simulate(athena, terrain, hk.PostureController(athena), engine=name, duration=SECONDS, settling_time=0.05)
-    return (time.perf_counter() - start) / ((SECONDS + 0.1) * 1e3)
-
-
-def report(title, times, base):
-    medians = {name: statistics.median(values) for name, values in times.items()}
-    print(f"\n{title}")
-    for name, values in times.items():
-        ratios = sorted(a / b for a, b in zip(times["rigid"], values, strict=True))
-        spread = f"rigid / {name} = {statistics.median(ratios):.3f} (pairs {ratios[0]:.3f} to {ratios[-1]:.3f})"
-        print(f"  {name:9s} {1e6 * medians[name]:7.1f} us a step   {spread}")
-    print(f"  bar: rigid <= {base[0]} x {base[1]}")
+def walk(name, terrain):
+    """Simulate with the controller."""
+    return hk.simulate(athena, terrain, hk.PostureController(athena), engine=name, duration=SECONDS, settling_time=0.05)
 
 
 def start_up():
     """Seconds from a fresh interpreter's first engine to its first step, with the machine code cached."""
-    import subprocess
-
     program = (
         "import time, numpy, hexakin as hk\nfrom hexakin.engines import engine_class\n"
         "r = hk.load_robot('athena'); t = time.perf_counter()\n"
-        "e = engine_class('rigid')(r, hk.terrain.Plane()); e.place(numpy.eye(4), r.standing_q)\n"
+        "e = engine_class('{}')(r, hk.terrain.Plane()); e.place(numpy.eye(4), r.standing_q)\n"
         "e.advance(r.standing_q, 1); print(time.perf_counter() - t)\n"
     )
-    run = [float(subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout)
-           for _ in range(REPETITIONS)]  # fmt: skip
-    print(f"\nstart-up, machine code cached: median {statistics.median(run):.2f} s, {min(run):.2f} to {max(run):.2f} s")
+
+    def of(name):
+        done = subprocess.run([sys.executable, "-c", program.format(name)], capture_output=True, check=True)
+        return float(done.stdout)
+
+    return {name: functools.partial(of, name) for name in ("rigid", "pybullet")}
 
 
-def main():
-    engines = {"rigid": engine_class("rigid"), "pybullet": engine_class("pybullet")}
-    try:
-        import mujoco  # noqa: F401
+def check(paths):
+    """All robots must have walked alike: contacts differ, so only roughly."""
+    reference = paths["rigid"]
+    for name, path in paths.items():
+        apart = np.abs(path - reference).max(axis=0)
+        print(
+            f"  {name}: at most {1e3 * apart[:2].max():.1f} mm beside rigid's path, {1e3 * apart[2]:.1f} mm in height"
+        )
+        assert apart.max() < APART, f"{name}: {apart} m from the path of rigid"
 
+
+def measure(quick=False):
+    """Rows of a step and of the closed loop on both grounds, and of the start."""
+    repetitions = 2 if quick else 7
+    engines = {"rigid": engine_class("rigid"), "pybullet": engine_class("pybullet"), BARE: BarePyBullet}
+    if installed("mujoco"):
         engines["mujoco"] = MuJoCo
-    except ImportError:
-        print("without MuJoCo: pip install mujoco")
-    blocks = hk.terrain.Blocks()
-    for title, terrain, share in (("level ground", hk.terrain.Plane(), 0.15), ("block testbed", blocks, 0.2)):
-        walk = hk.simulate(athena, terrain, hk.PostureController(athena), engine="rigid", duration=SECONDS)
-        times = {name: [] for name in engines}
-        for repetition in range(REPETITIONS):
-            for name, make in engines.items():
-                seconds, engine = replay(make, terrain, walk.q_command)
-                times[name].append(seconds)
-                if repetition == 0 and name == "mujoco":
-                    assert 0.05 < engine.data.qpos[2] < 0.4 and engine.data.ncon >= 3, "MuJoCo's robot does not stand"
-                elif name != "mujoco":
-                    engine.close()
-        report(f"step, {title}", times, (share, "pybullet"))
-        loops = {"rigid": [], "pybullet": []}
-        for _ in range(REPETITIONS // 2 + 1):
-            for name in loops:
-                loops[name].append(closed_loop(name, terrain))
-        report(f"closed loop, {title}", loops, (0.25, "pybullet"))
-    start_up()
+    rows = []
+    for title, terrain, share in (("level", hk.terrain.Plane(), 0.15), ("blocks", hk.terrain.Blocks(), 0.2)):
+        print(title)
+        rows += on_ground(title, terrain, share, engines, repetitions)
+    starts = interleaved(start_up(), repetitions)
+    return rows + compared("engine start", 1, "start", starts, {("rigid", "pybullet"): None}, clock="wall")
+
+
+def on_ground(title, terrain, share, engines, repetitions):
+    """Rows of one ground; ``share`` is the bar of a step against PyBullet's."""
+    commands = walk("rigid", terrain).q_command
+    steps = len(commands) * STEPS_PER_TICK
+    check({name: replay(make, terrain, commands)[1] for name, make in engines.items()})
+    timings = {name: lambda make=make: steps * replay(make, terrain, commands)[0] for name, make in engines.items()}
+    pairs = {("rigid", name): share if name == "pybullet" else None for name in engines if name != "rigid"}
+    rows = compared(f"step, {title}", steps, "step", interleaved(timings, repetitions), pairs)
+    loops = {name: timed(lambda name=name: walk(name, terrain)) for name in ("rigid", "pybullet")}
+    simulated = round((SECONDS + 0.1) * 1e3)  # with settling
+    times = interleaved(loops, repetitions // 2 + 1)
+    return rows + compared(f"closed loop, {title}", simulated, "step", times, {("rigid", "pybullet"): 0.25})
 
 
 if __name__ == "__main__":
-    main()
+    alone(measure)

@@ -1,17 +1,21 @@
-"""Time a study with one process and with two, in turn, and the call that finds it finished: medians and the ratio.
+"""Time a study with two processes and with one.
 
-Run with ``python tests/benchmarks/study_workers.py [repeats] [cycles] [runs]`` on a machine with two idle cores. The
-runs are paper A's walks on the ramp, engine "rigid", of so many gait cycles. Each time is that of the call of ``run``
-in a fresh interpreter whose workers are up: a small study before has started them, and each has imported hexakin and
-loaded the compiled code. What that takes once, and the ratio with it, is shown too; it weighs less in a longer study.
+    python tests/benchmarks/study_workers.py [--quick]
+
+On a machine with two idle cores, else the ratio says little. The runs are paper A's walks on the ramp, engine "rigid".
+Each time is that of the call of ``run`` in a fresh interpreter whose workers are up: a small study before has started
+them, and each has imported hexakin and loaded the compiled code. A second row has the time of the start in it, which
+weighs less in a longer study. The tables must be equal.
 """
 
 import json
-import statistics
 import subprocess
 import sys
 import tempfile
 
+from comparison import alone, compared
+
+CYCLES, RUNS = 12, 8
 PROGRAM = """
 import json, sys, time
 from hexakin.experiments import walk
@@ -31,31 +35,28 @@ print(json.dumps([*times, table.drop(columns="wall_time").to_csv()]))
 """
 
 
-def seconds(jobs: int, cycles: int, runs: int) -> tuple[float, float, float, str]:
+def seconds(jobs, cycles, runs):
     """Times [s] of the start, of a study and of the same call once more, and its table, in a fresh interpreter."""
     with tempfile.TemporaryDirectory() as folder:
         call = [sys.executable, "-c", PROGRAM, folder, *map(str, (jobs, cycles, runs))]
         return tuple(json.loads(subprocess.run(call, stdout=subprocess.PIPE, check=True).stdout))
 
 
-def main() -> None:
-    """Print the medians, the median of the paired ratios and their range."""
-    given = [int(argument) for argument in sys.argv[1:]]
-    repeats, cycles, runs = given + [5, 12, 8][len(given) :]
+def measure(quick=False):
+    """Two rows."""
     seconds(1, 1, 1)  # compiles, if that was not done
-    pairs = [(seconds(1, cycles, runs), seconds(2, cycles, runs)) for _ in range(repeats)]
-    assert len({table for pair in pairs for *_, table in pair}) == 1, "tables differ"
-    print(f"{runs} runs of {cycles} gait cycles, {repeats} pairs")
-    for jobs, made in enumerate(zip(*pairs, strict=True), start=1):
-        start, study, _ = (statistics.median(column) for column in list(zip(*made, strict=True))[:3])
-        print(f"  {jobs} process(es): {study:.2f} s, after a start of {start:.2f} s")
-    resumed = statistics.median(times[2] for pair in pairs for times in pair)
-    ratios = sorted(two[1] / one[1] for one, two in pairs)
-    whole = statistics.median((two[0] + two[1]) / (one[0] + one[1]) for one, two in pairs)
-    print(f"  ratio {statistics.median(ratios):.3f} (pairs {ratios[0]:.3f} to {ratios[-1]:.3f}); bar: 0.6")
-    print(f"  ratio with the start: {whole:.3f}")
-    print(f"the same call, all runs finished: {resumed:.3f} s; bar: 1 s")
+    found = {jobs: [] for jobs in (1, 2)}
+    for _ in range(2 if quick else 5):
+        for jobs, made in found.items():
+            made.append(seconds(jobs, CYCLES, RUNS))
+    assert len({table for made in found.values() for *_, table in made}) == 1, "tables differ"
+    names = {1: "one worker", 2: "two workers"}
+    alone_, whole = ({names[jobs]: [sum(times[k] for k in part) for times in made] for jobs, made in found.items()}
+                     for part in ((1,), (0, 1)))  # fmt: skip
+    pair = (names[2], names[1])
+    rows = compared("study", RUNS, "run", alone_, {pair: 0.6}, clock="wall")
+    return rows + compared("study with start", RUNS, "run", whole, {pair: None}, clock="wall")
 
 
 if __name__ == "__main__":
-    main()
+    alone(measure)
