@@ -41,7 +41,7 @@ benchmarks: $(VENV)/installed
 
 # For maintainers: run the notebooks in place, so that their stored outputs are fresh.
 notebooks: $(VENV)/installed
-	$(RUN) jupyter nbconvert --to notebook --execute --inplace notebooks/*.ipynb
+	$(RUN) jupyter nbconvert --to notebook --execute --inplace --ExecutePreprocessor.store_widget_state=False notebooks/*.ipynb
 
 # For maintainers: pin every package anew, transitive ones too.
 environment: $(VENV)/installed

@@ -29,10 +29,8 @@ except ImportError as error:
 def run(notebook: Any, folder: Path) -> tuple[float, str]:
     """Execute a notebook (an ``nbformat`` node) in ``folder``: seconds, and the error that ended it or ``""``."""
     client = nbclient.NotebookClient(
-        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}},
-        # Widgets in a page need a script from the net; without their state the page shows their pictures.
-        store_widget_state=False,
-    )  # fmt: skip
+        notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    )
     start, failure = time.monotonic(), ""
     try:
         # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.

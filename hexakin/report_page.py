@@ -19,6 +19,7 @@ from hexakin.report_figures import Picture
 try:
     import latex2mathml.converter
     import nbconvert
+    import nbformat
     from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 except ImportError as error:
     raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
@@ -67,6 +68,9 @@ def write_page(notebook: Any, page: Page, report: Path) -> None:
             "mathml": lambda source: mathml(source, "block"),
         },
     )
+    # Widgets in a page need a script from the net; without their state the page shows their pictures.
+    kept = {name: value for name, value in notebook.metadata.items() if name != "widgets"}
+    notebook = nbformat.from_dict({**notebook, "metadata": kept})
     took = "" if page.seconds is None else f", {page.seconds:.0f} s"
     resources = {"made": f"{page.result}{took}, {now()}", "metadata": {"name": page.title}}
     body, _ = exporter.from_notebook_node(notebook, resources)

@@ -140,18 +140,36 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
             bounds=limits,
             method=method,
         )
-        if found.status in (0, _INFEASIBLE):
+        if found.status == _INFEASIBLE:
+            return None
+        if found.status == 0:
             break
-    if found.status == _INFEASIBLE:
-        return None
+        # Left open, which happens at instants at which the robot tips.
+        if _shortfall(problem, instant, sides) > _LACKING:
+            return None
     if found.status != 0:
         raise SolverError(f"force distribution at instant {instant}: {found.message}")
     return float(found.fun)
 
 
-# HiGHS' simplex ends without an answer on some instants at which the robot tips; its interior-point method has one.
 _METHODS = ("highs", "highs-ipm")
 _INFEASIBLE = 2  # linprog's status of a problem that is shown to have no solution
+_LACKING = 1e-6  # of m g, and of its moment
+
+
+def _shortfall(problem: StaticProblem, instant: int, sides: Array) -> float:
+    """Least sum of force and moment that lacks when the feet carry what they can; this always has a solution."""
+    num_legs, size = problem.carrying.shape[1], 3 * problem.carrying.shape[1]
+    carried = np.repeat(problem.carrying[instant], 3)
+    found = linprog(
+        np.r_[np.zeros(size), np.ones(12)],
+        A_ub=np.hstack([np.kron(np.eye(num_legs), sides), np.zeros((num_legs * len(sides), 12))]),
+        b_ub=np.zeros(num_legs * len(sides)),
+        A_eq=np.hstack([problem.equilibrium[instant] * carried, np.eye(6), -np.eye(6)]),
+        b_eq=problem.weight,
+        bounds=[(None, None)] * size + [(0.0, None)] * 12,
+    )
+    return float(found.fun) if found.status == 0 else 0.0
 
 
 def diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str, float]:
