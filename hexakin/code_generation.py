@@ -38,6 +38,13 @@ class _Printer(PythonCodePrinter):
 
     _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
 
+    def _print_Add(self, expression: sp.Expr, **_: object) -> str:
+        # What is taken off comes last: to negate an array costs as much as to add it.
+        ordered = self._as_ordered_terms(expression)
+        terms = [f"({self._print(term)})" if term.is_Add else self._print(term) for term in ordered]
+        first, *rest = sorted(terms, key=lambda term: term.startswith("-"))
+        return first + "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in rest)
+
     def _print_angle(self, expression: angle) -> str:
         y, x, length = map(self._print, expression.args)
         if self.names["angle"] == "angle":

@@ -10,6 +10,9 @@ import math
 
 from hexakin.compiled import contracted, kernel
 from hexakin.elementary import (
+    ATAN_DENOMINATOR,
+    ATAN_NUMERATOR,
+    ATAN_SCALE,
     HALF_TURN,
     LARGEST,
     PER_TURN,
@@ -19,7 +22,6 @@ from hexakin.elementary import (
     TINY,
     TURN_HIGH,
     TURN_LOW,
-    TWICE_ATAN,
 )
 from hexakin.transforms import Array
 
@@ -27,7 +29,8 @@ __all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos", "to_
 
 _N1, _N2, _N3, _N4 = TAN_NUMERATOR[1:]
 _D1, _D2, _D3, _D4 = TAN_DENOMINATOR[1:]
-_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7, _A8, _A9, _A10 = TWICE_ATAN
+_P0, _P1, _P2, _ = ATAN_NUMERATOR
+_Q0, _Q1, _Q2, _Q3, _ = ATAN_DENOMINATOR
 
 
 @contracted
@@ -63,9 +66,9 @@ def angle(y: float, x: float, length: float) -> float:
     t = smaller / maximum(larger + length, TINY)
     z = t * t
     zz = z * z
-    low = (_A3 * z + _A2) * zz + (_A1 * z + _A0)
-    high = (_A10 * zz + (_A9 * z + _A8)) * (zz * zz) + ((_A7 * z + _A6) * zz + (_A5 * z + _A4))
-    t *= high * (zz * zz) + low
+    n = (z + _P2) * zz + (_P1 * z + _P0)
+    d = (zz + (_Q3 * z + _Q2)) * zz + (_Q1 * z + _Q0)
+    t *= ATAN_SCALE * n / d
     t = 0.5 * math.pi - t if b > a else t
     t = math.pi - t if x < 0.0 else t
     return -t if y < 0.0 else t
