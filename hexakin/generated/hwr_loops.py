@@ -8,22 +8,22 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn
+from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos
 from hexakin.elementary import PER_TURN, TURN
 
 
 @contracted
-def _forward(constants, angles, result):
+def _forward(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
         c2 = constants[2, m]
         c3 = constants[3, m]
         c4 = constants[4, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k1 + c1*k_1
@@ -36,25 +36,24 @@ def _forward(constants, angles, result):
 def forward(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _forward(constants, near, result[3 * start : 3 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _forward(constants, s, k, result[3 * start : 3 * (start + tile)])
     return worst
 
 
 @contracted
-def _jacobian(constants, angles, result):
+def _jacobian(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k_1
@@ -77,13 +76,12 @@ def _jacobian(constants, angles, result):
 def jacobian(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _jacobian(constants, near, result[9 * start : 9 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _jacobian(constants, s, k, result[9 * start : 9 * (start + tile)])
     return worst
 
 
