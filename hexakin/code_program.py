@@ -130,7 +130,7 @@ def program_of_feet(leg: LegKinematics) -> tuple[Program, list[sp.Expr]]:
     first, second, third = inverse.q
     scale = _exact_squares(inverse.outer + inverse.inner)
     results = [_one_angle(first, inverse.side), _one_angle(second, inverse.side)]
-    # third = 2 knee atan2(y, x), as the angle of the vector's square: that takes one root, of a product, instead of two.
+    # third = 2 knee atan2(y, x), as the angle of the vector's square: one root of a product instead of two.
     (half,) = third.atoms(sp.atan2)
     y, x = half.args
     results.append(third / (2 * half) * angle(2 * y * x, x**2 - y**2, scale))

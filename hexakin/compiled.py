@@ -87,7 +87,10 @@ def announced(what: str) -> Iterator[None]:
     """Say on stderr that ``what`` is being compiled, if the block takes longer than a cached start does."""
 
     def say() -> None:
-        print(f"hexakin: compiling {what}, once for this installation (this may take a minute or two) ...", file=sys.stderr)
+        print(
+            f"hexakin: compiling {what}, once for this installation (this may take a minute or two) ...",
+            file=sys.stderr,
+        )
 
     timer = threading.Timer(_PATIENCE, say)
     timer.daemon = True
