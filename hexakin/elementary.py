@@ -1,4 +1,4 @@
-"""Sine and cosine together, and the angle of a vector, of whole arrays, in additions, multiplications and a division.
+"""Sine and cosine together, and the angle of a vector, of whole arrays, in additions, multiplications and divisions.
 
 NumPy leaves these functions to the C library, element by element, on most machines; that costs as much as a hundred of
 NumPy's own multiplications. The formulas are free of branches, so that ``hexakin.compiled_elementary`` can use the same
@@ -73,9 +73,8 @@ def sincos(x: Array) -> tuple[Array, Array]:
     d *= d
     cosine = d - n
     d += n
-    np.divide(1.0, d, out=d)
-    sine *= d
-    cosine *= d
+    sine /= d
+    cosine /= d
     return sine, cosine
 
 
