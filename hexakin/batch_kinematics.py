@@ -39,7 +39,7 @@ REACH_TOLERANCE = 1e-12
 stretched leg's own forward kinematics lands outside by rounding."""
 
 _BLOCK = 8192  # leg poses: an array takes 64 kB, and a call of NumPy costs little beside its work
-_TILE = 192  # leg poses whose constants a compiled loop keeps in the first-level cache
+_TILE = 288  # leg poses of a compiled loop: enough that to start it costs little, few enough for the cache
 
 
 def prepare(robot: Robot) -> bool:
@@ -96,7 +96,7 @@ class _OfAngles:
         result = np.empty(q.shape[:-1] + self.shape)
         loops = _loops(self.functions, count)
         if loops is not None:
-            lost = getattr(loops, self.name)(self.tiled[_TILE], flat, result.reshape(-1)) == 2
+            lost = getattr(loops, self.name)(self.tiled[_TILE], flat, result.reshape(-1)) > 0
             return None if lost else result
         return result if self._blocks(flat.reshape(-1, 3), result.reshape(count, -1)) else None
 

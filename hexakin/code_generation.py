@@ -38,6 +38,13 @@ class _Printer(PythonCodePrinter):
 
     _print_sin = _print_cos = _print_atan2 = _print_sign = _print_Abs = _print_Max = _call
 
+    def _print_Add(self, expression: sp.Expr, **_: object) -> str:
+        # What is taken off comes last: to negate an array costs as much as to add it.
+        ordered = self._as_ordered_terms(expression)
+        terms = [f"({self._print(term)})" if term.is_Add else self._print(term) for term in ordered]
+        first, *rest = sorted(terms, key=lambda term: term.startswith("-"))
+        return first + "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in rest)
+
     def _print_angle(self, expression: angle) -> str:
         y, x, length = map(self._print, expression.args)
         if self.names["angle"] == "angle":
@@ -146,20 +153,21 @@ def _angle_loops(name: str, program: Program, results: list[sp.Expr]) -> str:
     width = len(results)
     names = program.constants.values()
     lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
-    lines += [f"s{k}, k{k} = sincos(angles[3 * m + {k}])" for k in range(3)] + _assignments(program.body, _LOOPS)
+    lines += [f"s{k}, k{k} = sines[3 * m + {k}], cosines[3 * m + {k}]" for k in range(3)]
+    lines += _assignments(program.body, _LOOPS)
     lines += [f"result[{width} * m + {i}] = {_LOOPS.doprint(value)}" for i, value in enumerate(results)]
-    block = ["for m in range(angles.shape[0] // 3):", *("    " + line for line in lines)]
+    block = ["for m in range(sines.shape[0] // 3):", *("    " + line for line in lines)]
     drive = f"""\
 tile, worst = constants.shape[1], 0
-scratch = numpy.empty(3 * tile)
+sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
 for start in range(0, angles.shape[0] // 3, tile):
     part = angles[3 * start : 3 * (start + tile)]
-    state = to_half_turn(part, scratch)
-    worst = max(worst, state)
-    near = part if state == 0 else scratch[: part.shape[0]]
-    _{name}(constants, near, result[{width} * start : {width} * (start + tile)])
+    s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+    worst = max(worst, sincos(part, s, k))
+    _{name}(constants, s, k, result[{width} * start : {width} * (start + tile)])
 return worst"""
-    return _function(f"_{name}(constants, angles, result)", "One block.", block, "@contracted\n") + _function(
+    arguments = "(constants, sines, cosines, result)"
+    return _function(f"_{name}{arguments}", "One block.", block, "@contracted\n") + _function(
         f"{name}(constants, angles, result)", "All blocks.", drive.split("\n"), '@kernel("2r", "1r", "1")\n'
     )
 
@@ -231,7 +239,7 @@ def generate(table: LegTable) -> Sources:
     head += f"from hexakin.elementary import PER_TURN, TURN, angle, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
     loops_head = _HEAD.format(what="Compiled loops", key=table.type_key)
     loops_head += (
-        "from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn\n"
+        "from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos\n"
         "from hexakin.elementary import PER_TURN, TURN\n\n\n"
     )
     return Sources((head + numeric).rstrip() + "\n", (loops_head + loops).rstrip() + "\n")

@@ -38,6 +38,8 @@ class Program:
             return self.constant(expression)
         if expression.is_Atom:
             return expression
+        if expression.is_Mul:
+            expression = _one_root(expression, self.fixed)
         if expression.is_Add or expression.is_Mul:
             own = [argument for argument in expression.args if argument.free_symbols <= self.fixed]
             rest = [self.lowered(argument) for argument in expression.args if argument not in own]
@@ -68,6 +70,17 @@ class Program:
             else:
                 self.body.append((name, self.lowered(value)))
         return [self.lowered(value.xreplace(known)) for value in reduced]
+
+
+def _one_root(product: sp.Expr, fixed: frozenset[sp.Symbol]) -> sp.Expr:
+    """Write the roots in a product as the root of a product."""
+    roots = [factor for factor in product.args if factor.is_Pow and factor.exp == sp.Rational(1, 2)]
+    roots = [root for root in roots if not root.free_symbols <= fixed]
+    if len(roots) < 2:
+        return product
+    inside = sp.Mul(*(root.base for root in roots), evaluate=False)
+    rest = [factor for factor in product.args if factor not in roots]
+    return sp.Mul(*rest, sp.Pow(inside, sp.Rational(1, 2), evaluate=False), evaluate=False)
 
 
 def program_of_angles(leg: LegKinematics, results: Sequence[sp.Expr]) -> tuple[Program, list[sp.Expr]]:
@@ -117,9 +130,10 @@ def program_of_feet(leg: LegKinematics) -> tuple[Program, list[sp.Expr]]:
     first, second, third = inverse.q
     scale = _exact_squares(inverse.outer + inverse.inner)
     results = [_one_angle(first, inverse.side), _one_angle(second, inverse.side)]
-    # third = 2 knee atan2(...)
+    # third = 2 knee atan2(y, x), as the angle of the vector's square: one root of a product instead of two.
     (half,) = third.atoms(sp.atan2)
-    results.append(third / half * angle(*half.args, sp.sqrt(scale)))
+    y, x = half.args
+    results.append(third / (2 * half) * angle(2 * y * x, x**2 - y**2, scale))
     results += [inverse.clearance, inverse.outer, inverse.inner, inverse.distance**2]
     return program, program.add([], [result.xreplace(names) for result in results])
 

@@ -10,6 +10,9 @@ import math
 
 from hexakin.compiled import contracted, kernel
 from hexakin.elementary import (
+    ATAN_DENOMINATOR,
+    ATAN_NUMERATOR,
+    ATAN_SCALE,
     HALF_TURN,
     LARGEST,
     PER_TURN,
@@ -19,28 +22,45 @@ from hexakin.elementary import (
     TINY,
     TURN_HIGH,
     TURN_LOW,
-    TWICE_ATAN,
 )
 from hexakin.transforms import Array
 
-__all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos", "to_half_turn"]
+__all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos"]
 
-_N1, _N2, _N3, _N4 = TAN_NUMERATOR[1:]
-_D1, _D2, _D3, _D4 = TAN_DENOMINATOR[1:]
-_A0, _A1, _A2, _A3, _A4, _A5, _A6, _A7, _A8, _A9, _A10 = TWICE_ATAN
+# Of the angle itself instead of its half.
+_N0, _N1, _N2, _N3, _N4 = (0.5 * value / 4.0**k for k, value in enumerate(TAN_NUMERATOR))
+_D1, _D2, _D3, _D4 = (value / 4.0**k for k, value in enumerate(TAN_DENOMINATOR) if k)
+_P0, _P1, _P2, _ = ATAN_NUMERATOR
+_Q0, _Q1, _Q2, _Q3, _ = ATAN_DENOMINATOR
 
 
 @contracted
-def sincos(x: float) -> tuple[float, float]:
-    """Sine and cosine of an angle up to ``HALF_TURN`` [rad]."""
-    y = 0.5 * x
-    z = y * y
+def _sincos(x: float) -> tuple[float, float]:
+    z = x * x
     # Short chains of operations, many at once (Estrin's scheme).
     zz = z * z
-    n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + 1.0)) * y
+    n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + _N0)) * x
     d = ((_D4 * zz + (_D3 * z + _D2)) * zz) + (_D1 * z + 1.0)
     scale = 1.0 / (d * d + n * n)
     return (n + n) * d * scale, (d * d - n * n) * scale
+
+
+@contracted
+def sincos(angles: Array, sines: Array, cosines: Array) -> int:
+    """Write sines and cosines of ``angles`` [rad]; return 1 if one is beyond ``LARGEST`` or not a number, else 0.
+
+    A loop of its own: its short body keeps more angles at work at once than the one that uses them would.
+    """
+    far, lost = 0, 0
+    for k in range(angles.shape[0]):
+        far += not (abs(angles[k]) <= HALF_TURN)
+        sines[k], cosines[k] = _sincos(angles[k])
+    if far > 0:
+        for k in range(angles.shape[0]):
+            lost += not (abs(angles[k]) <= LARGEST)
+            turns = rounded(angles[k] * PER_TURN)
+            sines[k], cosines[k] = _sincos((angles[k] - turns * TURN_HIGH) - turns * TURN_LOW)
+    return lost > 0
 
 
 @contracted
@@ -63,27 +83,9 @@ def angle(y: float, x: float, length: float) -> float:
     t = smaller / maximum(larger + length, TINY)
     z = t * t
     zz = z * z
-    low = (_A3 * z + _A2) * zz + (_A1 * z + _A0)
-    high = (_A10 * zz + (_A9 * z + _A8)) * (zz * zz) + ((_A7 * z + _A6) * zz + (_A5 * z + _A4))
-    t *= high * (zz * zz) + low
+    n = (z + _P2) * zz + (_P1 * z + _P0)
+    d = (zz + (_Q3 * z + _Q2)) * zz + (_Q1 * z + _Q0)
+    t *= ATAN_SCALE * n / d
     t = 0.5 * math.pi - t if b > a else t
     t = math.pi - t if x < 0.0 else t
     return -t if y < 0.0 else t
-
-
-@contracted
-def to_half_turn(angles: Array, scratch: Array) -> int:
-    """Say whether all ``angles`` are at most ``HALF_TURN`` (0); if not, write them less whole turns into ``scratch``.
-
-    Returns 1 then, and 2 if one is beyond ``LARGEST`` or not a number.
-    """
-    far, lost = 0, 0
-    for k in range(angles.shape[0]):
-        far += not (abs(angles[k]) <= HALF_TURN)
-    if far == 0:
-        return 0
-    for k in range(angles.shape[0]):
-        lost += not (abs(angles[k]) <= LARGEST)
-        turns = rounded(angles[k] * PER_TURN)
-        scratch[k] = (angles[k] - turns * TURN_HIGH) - turns * TURN_LOW
-    return 2 if lost > 0 else 1

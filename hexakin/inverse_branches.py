@@ -69,14 +69,16 @@ def every_branch(robot: Robot, foot: Array) -> InverseSolution:
     if closed_form(robot.table):
         shape = foot.shape[:-1]
         solved = _for_every_branch(robot)(foot)
-        # They lie in memory branch by branch.
+        # They lie in memory branch by branch. (np.moveaxis takes as long as the inverse of some legs.)
+        last = (*range(1, len(shape) + 1), 0)
+        index, bounds = _four_for_all(robot, shape)
         return InverseSolution(
-            np.moveaxis(solved.q.reshape(4, *shape, 3), 0, -2),
-            np.moveaxis(solved.reachable.reshape(4, *shape), 0, -1),
-            np.moveaxis(solved.within_limits.reshape(4, *shape), 0, -1),
-            np.broadcast_to(np.arange(4), (*shape, 4)),
-            np.moveaxis(solved.distance.reshape(4, *shape), 0, -1),
-            np.broadcast_to(reach_of(robot)[:, None, :], (*shape, 4, 2)),
+            solved.q.reshape(4, *shape, 3).transpose(*last, len(last)),
+            solved.reachable.reshape(4, *shape).transpose(last),
+            solved.within_limits.reshape(4, *shape).transpose(last),
+            index,
+            solved.distance.reshape(4, *shape).transpose(last),
+            bounds,
         )
     found = numerical_inverse.solve(robot, foot)
     middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
@@ -117,6 +119,12 @@ def _same_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_
     return np.broadcast_to(standing_branch(robot), shape), np.broadcast_to(reach_of(robot), (*shape, 2))
 
 
+@lru_cache(maxsize=64)
+def _four_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], Array]:
+    """Index and reach of the four branches of legs in a result of ``shape`` (..., L): read-only views."""
+    return np.broadcast_to(np.arange(4), (*shape, 4)), np.broadcast_to(reach_of(robot)[:, None, :], (*shape, 4, 2))
+
+
 def on_standing_branch(robot: Robot, foot: Array) -> InverseSolution:
     """Each leg's standing branch for feet (..., L, 3)."""
     shape = foot.shape[:-1]
@@ -147,13 +155,11 @@ def picked(solution: InverseSolution, position: NDArray[np.int_], branch: NDArra
 
 def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
+    nearest_of = _nearest_branch if closed_form(robot.table) else _nearest_found
     if foot.size <= 3 * _CHUNK:
-        return _nearest_of(every_branch(robot, foot), near)
+        return nearest_of(robot, foot, near)
     flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
-    parts = [
-        _nearest_of(every_branch(robot, flat[k : k + _CHUNK]), hints[k : k + _CHUNK])
-        for k in range(0, len(flat), _CHUNK)
-    ]
+    parts = [nearest_of(robot, flat[k : k + _CHUNK], hints[k : k + _CHUNK]) for k in range(0, len(flat), _CHUNK)]
 
     def joined(name: str) -> Any:
         values = np.concatenate([getattr(part, name) for part in parts])
@@ -163,8 +169,27 @@ def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     return InverseSolution(**{name: joined(name) for name in names}, numerical=parts[0].numerical)
 
 
-def _nearest_of(solution: InverseSolution, near: Array) -> InverseSolution:
-    change = np.abs(wrapped(solution.q - near[..., None, :])).max(axis=-1)
+def _nearest_branch(robot: Robot, foot: Array, near: Array) -> InverseSolution:
+    solved = _for_every_branch(robot)(foot)
+    position = _nearest_position(solved.q, solved.reachable, near.reshape(-1, 3), axis=0)
+    shape, chosen = foot.shape[:-1], (position, np.arange(len(position)))
+    return InverseSolution(
+        solved.q[chosen].reshape(foot.shape),
+        solved.reachable[chosen].reshape(shape),
+        solved.within_limits[chosen].reshape(shape),
+        position.reshape(shape),
+        solved.distance[chosen].reshape(shape),
+        _same_for_all(robot, shape)[1],
+    )
+
+
+def _nearest_found(robot: Robot, foot: Array, near: Array) -> InverseSolution:
+    every = every_branch(robot, foot)
+    position = _nearest_position(every.q, every.reachable, near[..., None, :], axis=-1)
+    return picked(every, position, position)
+
+
+def _nearest_position(q: Array, reachable: NDArray[np.bool_], near: Array, axis: int) -> NDArray[np.int_]:
+    change = np.abs(wrapped(q - near)).max(axis=-1)
     # Where no branch reaches, the first one (the foot faced by the leg) reports the distance.
-    position = np.argmin(np.where(solution.reachable, change, np.inf), axis=-1)
-    return picked(solution, position, position)
+    return np.argmin(np.where(reachable, change, np.inf), axis=axis)

@@ -116,7 +116,8 @@ def inverse_kinematics(
     if near is not None:
         hint = check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
         try:
-            foot, hint = np.broadcast_arrays(foot, hint)
+            if hint.shape != foot.shape:
+                foot, hint = np.broadcast_arrays(foot, hint)
         except ValueError as error:
             raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
         solution = nearest(robot, foot, hint)

@@ -34,10 +34,17 @@ def test_the_coefficients_of_the_tangent_are_those_of_an_interpolation():
 def test_the_coefficients_of_the_arctangent_are_those_of_an_interpolation():
     mpmath.mp.dps = 40
     top = mpmath.tan(mpmath.pi / 8) ** 2 * mpmath.mpf("1.0001")
-    points = chebyshev_points(top, 10)
-    rows = [[z**k for k in range(1, 11)] for z in points]
-    right = [mpmath.atan(mpmath.sqrt(z)) / mpmath.sqrt(z) - 1 for z in points]
-    assert [2.0 * value for value in solved(rows, right)] == list(elementary.TWICE_ATAN)
+    rows, right = [], []
+    for z in chebyshev_points(top, 7):
+        f = mpmath.atan(mpmath.sqrt(z)) / mpmath.sqrt(z)
+        # 1 + n_1 z + ... = (1 + d_1 z + ...) f
+        rows.append([z**k for k in range(1, 4)] + [-f * z**k for k in range(1, 5)])
+        right.append(f - 1)
+    found = [mpmath.mpf(1), *mpmath.lu_solve(mpmath.matrix(rows), mpmath.matrix(right))]
+    numerator, denominator = found[:4], [mpmath.mpf(1), *found[4:]]
+    assert [float(value / numerator[-1]) for value in numerator] == list(elementary.ATAN_NUMERATOR)
+    assert [float(value / denominator[-1]) for value in denominator] == list(elementary.ATAN_DENOMINATOR)
+    assert float(2 * numerator[-1] / denominator[-1]) == elementary.ATAN_SCALE
 
 
 def test_a_turn_is_split_so_that_whole_turns_are_taken_off_exactly():

@@ -26,7 +26,7 @@ def forward_scalar(constants, angles):
         s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)
         s_0 = c0*k0 + c1*s0
         s_1 = k1*s2 + k2*s1
-        k_2 = -c0*s0 + c1*k0
+        k_2 = c1*k0 - c0*s0
         k_3 = k1*k2 - s1*s2
         t0 = c2*k1 + c3*k_3 + c4
         result += (c5 + k_2*t0, c6 + s_0*t0, c2*s1 + c3*s_1)
@@ -39,7 +39,7 @@ def forward_arrays(constants, angles):
     (s0, s1, s2), (k0, k1, k2) = sincos(angles)
     s_0 = c0*k0 + c1*s0
     s_1 = k1*s2 + k2*s1
-    k_2 = -c0*s0 + c1*k0
+    k_2 = c1*k0 - c0*s0
     k_3 = k1*k2 - s1*s2
     t0 = c2*k1 + c3*k_3 + c4
     return c5 + k_2*t0, c6 + s_0*t0, c2*s1 + c3*s_1
@@ -58,7 +58,7 @@ def jacobian_scalar(constants, angles):
         s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)
         s_0 = c0*k0 + c1*s0
         s_1 = k1*s2 + k2*s1
-        k_2 = -c0*s0 + c1*k0
+        k_2 = c1*k0 - c0*s0
         k_3 = k1*k2 - s1*s2
         t0 = c2*k_3
         t1 = c3*k1 + t0
@@ -75,7 +75,7 @@ def jacobian_arrays(constants, angles):
     (s0, s1, s2), (k0, k1, k2) = sincos(angles)
     s_0 = c0*k0 + c1*s0
     s_1 = k1*s2 + k2*s1
-    k_2 = -c0*s0 + c1*k0
+    k_2 = c1*k0 - c0*s0
     k_3 = k1*k2 - s1*s2
     t0 = c2*k_3
     t1 = c3*k1 + t0
@@ -88,7 +88,7 @@ def jacobian_arrays(constants, angles):
 def inverse_constants(p, side, knee):
     """Constants of legs with parameters ``p`` (n, ...)."""
     (p0, p1, p2, p3, p4, ) = p
-    return [p1*numpy.sin(p0), p1*numpy.cos(p0), numpy.cos(p0), numpy.sin(p0), side, p2, (p3 + p4)**(2), numpy.sign(p3*p4), (p3 - p4)**(2), p4, 4*(p3*p3)*p4*numpy.sign(p3*p4), 2*knee*p4, 4*p3*p4*numpy.sign(p3*p4), 2*numpy.sqrt(p3*p4*numpy.sign(p3*p4)), 2*knee]
+    return [p1*numpy.sin(p0), p1*numpy.cos(p0), numpy.cos(p0), numpy.sin(p0), side, p2, (p3 + p4)**(2), numpy.sign(p3*p4), (p3 - p4)**(2), p4, 4*(p3*p3)*p4*numpy.sign(p3*p4), knee*p4, 4*p3*p4*numpy.sign(p3*p4), knee]
 
 
 def reach(p):
@@ -100,24 +100,24 @@ def reach(p):
 def inverse_scalar(constants, feet):
     """Angles, whether reachable and within the limits, and distance, leg by leg."""
     angles, reachable, within, distance = [], [], [], []
-    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
-        t2 = -c0 + y
-        t3 = -c1 + x
+    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
+        t2 = y - c0
+        t3 = x - c1
         t4 = c2*t2 - c3*t3
         t5 = c2*t3 + c3*t2
         t6 = (t4*t4) + (t5*t5)
         t7 = sqrt(t6)
-        t10 = c4*t7 - c5
-        t11 = (t10*t10) + (z*z)
-        t12 = c7*(c6 - t11)
-        t13 = max(0, t12)
-        t14 = c7*(-c8 + t11)
-        t15 = max(0, t14)
-        t16 = c10 + c9*(-t13 + t15)
-        t17 = sqrt(t15)
-        t18 = sqrt(t13)
-        t20 = c11*t17*t18
-        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4 + 0.0, c4*t5 + 0.0), atan2(-t10*t20 + t16*z + 0.0, t10*t16 + t20*z + 0.0), c14*atan2(t18 + 0.0, t17 + 0.0), t6, t12, t14, t11
+        t11 = c4*t7 - c5
+        t12 = (t11*t11) + (z*z)
+        t13 = c7*(c6 - t12)
+        t14 = max(0, t13)
+        t15 = c7*(t12 - c8)
+        t16 = max(0, t15)
+        t17 = t16 - t14
+        t18 = c10 + c9*t17
+        t19 = 2*sqrt(t14*t16)
+        t20 = c11*t19
+        q0, q1, q2, clearance, outer, inner, square = atan2(c4*t4 + 0.0, c4*t5 + 0.0), atan2(t18*z - t11*t20 + 0.0, t11*t18 + t20*z + 0.0), c13*atan2(t19 + 0.0, t17 + 0.0), t6, t13, t15, t12
         if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
             q0 = q0 + TURN * round((middle0 - q0) * PER_TURN); q1 = q1 + TURN * round((middle1 - q1) * PER_TURN); q2 = q2 + TURN * round((middle2 - q2) * PER_TURN)
             angles += (q0, q1, q2)
@@ -133,22 +133,22 @@ def inverse_scalar(constants, feet):
 
 def inverse_arrays(constants, feet):
     """q0, q1, q2, clearance, outer, inner, square for feet (3, ...)."""
-    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, c14, ) = constants
+    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, c13, ) = constants
     x, y, z = feet
-    t2 = -c0 + y
-    t3 = -c1 + x
+    t2 = y - c0
+    t3 = x - c1
     t4 = c2*t2 - c3*t3
     t5 = c2*t3 + c3*t2
     t6 = (t4*t4) + (t5*t5)
     t7 = numpy.sqrt(t6)
-    t10 = c4*t7 - c5
-    t11 = (t10*t10) + (z*z)
-    t12 = c7*(c6 - t11)
-    t13 = numpy.maximum(0, t12)
-    t14 = c7*(-c8 + t11)
-    t15 = numpy.maximum(0, t14)
-    t16 = c10 + c9*(-t13 + t15)
-    t17 = numpy.sqrt(t15)
-    t18 = numpy.sqrt(t13)
-    t20 = c11*t17*t18
-    return angle(c4*t4, c4*t5, t7), angle(-t10*t20 + t16*z, t10*t16 + t20*z, c12*t11), c14*angle(t18, t17, c13), t6, t12, t14, t11
+    t11 = c4*t7 - c5
+    t12 = (t11*t11) + (z*z)
+    t13 = c7*(c6 - t12)
+    t14 = numpy.maximum(0, t13)
+    t15 = c7*(t12 - c8)
+    t16 = numpy.maximum(0, t15)
+    t17 = t16 - t14
+    t18 = c10 + c9*t17
+    t19 = 2*numpy.sqrt(t14*t16)
+    t20 = c11*t19
+    return angle(c4*t4, c4*t5, t7), angle(t18*z - t11*t20, t11*t18 + t20*z, c12*t12), c13*angle(t19, t17, c12), t6, t13, t15, t12

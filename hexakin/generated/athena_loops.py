@@ -8,14 +8,14 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn
+from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos
 from hexakin.elementary import PER_TURN, TURN
 
 
 @contracted
-def _forward(constants, angles, result):
+def _forward(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
         c2 = constants[2, m]
@@ -23,12 +23,12 @@ def _forward(constants, angles, result):
         c4 = constants[4, m]
         c5 = constants[5, m]
         c6 = constants[6, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = c0*k0 + c1*s0
         s_1 = k1*s2 + k2*s1
-        k_2 = -c0*s0 + c1*k0
+        k_2 = c1*k0 - c0*s0
         k_3 = k1*k2 - s1*s2
         t0 = c2*k1 + c3*k_3 + c4
         result[3 * m + 0] = c5 + k_2*t0
@@ -40,31 +40,30 @@ def _forward(constants, angles, result):
 def forward(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _forward(constants, near, result[3 * start : 3 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _forward(constants, s, k, result[3 * start : 3 * (start + tile)])
     return worst
 
 
 @contracted
-def _jacobian(constants, angles, result):
+def _jacobian(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
         c2 = constants[2, m]
         c3 = constants[3, m]
         c4 = constants[4, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = c0*k0 + c1*s0
         s_1 = k1*s2 + k2*s1
-        k_2 = -c0*s0 + c1*k0
+        k_2 = c1*k0 - c0*s0
         k_3 = k1*k2 - s1*s2
         t0 = c2*k_3
         t1 = c3*k1 + t0
@@ -86,13 +85,12 @@ def _jacobian(constants, angles, result):
 def jacobian(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _jacobian(constants, near, result[9 * start : 9 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _jacobian(constants, s, k, result[9 * start : 9 * (start + tile)])
     return worst
 
 
@@ -114,37 +112,36 @@ def _inverse(constants, feet, angles, reachable, within, distance):
         c11 = constants[11, m]
         c12 = constants[12, m]
         c13 = constants[13, m]
-        c14 = constants[14, m]
-        tolerance = constants[15, m]
-        middle0 = constants[16, m]
-        middle1 = constants[17, m]
-        middle2 = constants[18, m]
-        low0 = constants[19, m]
-        low1 = constants[20, m]
-        low2 = constants[21, m]
-        high0 = constants[22, m]
-        high1 = constants[23, m]
-        high2 = constants[24, m]
+        tolerance = constants[14, m]
+        middle0 = constants[15, m]
+        middle1 = constants[16, m]
+        middle2 = constants[17, m]
+        low0 = constants[18, m]
+        low1 = constants[19, m]
+        low2 = constants[20, m]
+        high0 = constants[21, m]
+        high1 = constants[22, m]
+        high2 = constants[23, m]
         x = feet[3 * m + 0]
         y = feet[3 * m + 1]
         z = feet[3 * m + 2]
-        t2 = -c0 + y
-        t3 = -c1 + x
+        t2 = y - c0
+        t3 = x - c1
         t4 = c2*t2 - c3*t3
         t5 = c2*t3 + c3*t2
         t6 = (t4*t4) + (t5*t5)
         t7 = sqrt(t6)
-        t10 = c4*t7 - c5
-        t11 = (t10*t10) + (z*z)
-        t12 = c7*(c6 - t11)
-        t13 = maximum(0, t12)
-        t14 = c7*(-c8 + t11)
-        t15 = maximum(0, t14)
-        t16 = c10 + c9*(-t13 + t15)
-        t17 = sqrt(t15)
-        t18 = sqrt(t13)
-        t20 = c11*t17*t18
-        q0, q1, q2, clearance, outer, inner, square = angle(c4*t4, c4*t5, t7), angle(-t10*t20 + t16*z, t10*t16 + t20*z, c12*t11), c14*angle(t18, t17, c13), t6, t12, t14, t11
+        t11 = c4*t7 - c5
+        t12 = (t11*t11) + (z*z)
+        t13 = c7*(c6 - t12)
+        t14 = maximum(0, t13)
+        t15 = c7*(t12 - c8)
+        t16 = maximum(0, t15)
+        t17 = t16 - t14
+        t18 = c10 + c9*t17
+        t19 = 2*sqrt(t14*t16)
+        t20 = c11*t19
+        q0, q1, q2, clearance, outer, inner, square = angle(c4*t4, c4*t5, t7), angle(t18*z - t11*t20, t11*t18 + t20*z, c12*t12), c13*angle(t19, t17, c12), t6, t13, t15, t12
         q0 = q0 + TURN * rounded((middle0 - q0) * PER_TURN)
         q1 = q1 + TURN * rounded((middle1 - q1) * PER_TURN)
         q2 = q2 + TURN * rounded((middle2 - q2) * PER_TURN)

@@ -27,7 +27,7 @@ def forward_scalar(constants, angles):
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k1 + c1*k_1
-        result += (c2 + k0*t0, c3 + s0*t0, -c0*s1 - c1*s_0 + c4)
+        result += (c2 + k0*t0, c3 + s0*t0, c4 - c0*s1 - c1*s_0)
     return result
 
 
@@ -38,7 +38,7 @@ def forward_arrays(constants, angles):
     s_0 = k1*s2 + k2*s1
     k_1 = k1*k2 - s1*s2
     t0 = c0*k1 + c1*k_1
-    return c2 + k0*t0, c3 + s0*t0, -c0*s1 - c1*s_0 + c4
+    return c2 + k0*t0, c3 + s0*t0, c4 - c0*s1 - c1*s_0
 
 
 def jacobian_constants(p):
@@ -80,7 +80,7 @@ def jacobian_arrays(constants, angles):
 def inverse_constants(p, side, knee):
     """Constants of legs with parameters ``p`` (n, ...)."""
     (p0, p1, p2, p3, p4, ) = p
-    return [p1, p0, p2, (p3 + p4)**(2), numpy.sign(p3*p4), (p3 - p4)**(2), p4, 4*(p3*p3)*p4*numpy.sign(p3*p4), side, 2*knee*p4, 4*p3*p4*numpy.sign(p3*p4), 2*numpy.sqrt(p3*p4*numpy.sign(p3*p4)), 2*knee]
+    return [p1, p0, p2, (p3 + p4)**(2), numpy.sign(p3*p4), (p3 - p4)**(2), p4, 4*(p3*p3)*p4*numpy.sign(p3*p4), side, knee*p4, 4*p3*p4*numpy.sign(p3*p4), knee]
 
 
 def reach(p):
@@ -92,23 +92,23 @@ def reach(p):
 def inverse_scalar(constants, feet):
     """Angles, whether reachable and within the limits, and distance, leg by leg."""
     angles, reachable, within, distance = [], [], [], []
-    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
-        t0 = -c0 + y
-        t1 = -c1 + x
+    for (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, tolerance, middle0, middle1, middle2, low0, low1, low2, high0, high1, high2), (x, y, z) in zip(constants, feet):
+        t0 = y - c0
+        t1 = x - c1
         t2 = (t0*t0) + (t1*t1)
         t3 = sqrt(t2)
         t4 = c2 - z
-        t7 = t2 + (t4*t4)
-        t8 = c4*(c3 - t7)
-        t9 = max(0, t8)
-        t10 = c4*(-c5 + t7)
-        t11 = max(0, t10)
-        t12 = c6*(t11 - t9) + c7
-        t13 = c8*t3
-        t14 = sqrt(t11)
-        t15 = sqrt(t9)
-        t17 = c9*t14*t15
-        q0, q1, q2, clearance, outer, inner, square = atan2(c8*t0 + 0.0, c8*t1 + 0.0), atan2(t12*t4 - t13*t17 + 0.0, t12*t13 + t17*t4 + 0.0), c12*atan2(t15 + 0.0, t14 + 0.0), t2, t8, t10, t7
+        t8 = t2 + (t4*t4)
+        t9 = c4*(c3 - t8)
+        t10 = max(0, t9)
+        t11 = c4*(t8 - c5)
+        t12 = max(0, t11)
+        t13 = t12 - t10
+        t14 = c6*t13 + c7
+        t15 = c8*t3
+        t16 = 2*sqrt(t10*t12)
+        t17 = c9*t16
+        q0, q1, q2, clearance, outer, inner, square = atan2(c8*t0 + 0.0, c8*t1 + 0.0), atan2(t14*t4 - t15*t17 + 0.0, t14*t15 + t17*t4 + 0.0), c11*atan2(t16 + 0.0, t13 + 0.0), t2, t9, t11, t8
         if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
             q0 = q0 + TURN * round((middle0 - q0) * PER_TURN); q1 = q1 + TURN * round((middle1 - q1) * PER_TURN); q2 = q2 + TURN * round((middle2 - q2) * PER_TURN)
             angles += (q0, q1, q2)
@@ -124,21 +124,21 @@ def inverse_scalar(constants, feet):
 
 def inverse_arrays(constants, feet):
     """q0, q1, q2, clearance, outer, inner, square for feet (3, ...)."""
-    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, c12, ) = constants
+    (c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10, c11, ) = constants
     x, y, z = feet
-    t0 = -c0 + y
-    t1 = -c1 + x
+    t0 = y - c0
+    t1 = x - c1
     t2 = (t0*t0) + (t1*t1)
     t3 = numpy.sqrt(t2)
     t4 = c2 - z
-    t7 = t2 + (t4*t4)
-    t8 = c4*(c3 - t7)
-    t9 = numpy.maximum(0, t8)
-    t10 = c4*(-c5 + t7)
-    t11 = numpy.maximum(0, t10)
-    t12 = c6*(t11 - t9) + c7
-    t13 = c8*t3
-    t14 = numpy.sqrt(t11)
-    t15 = numpy.sqrt(t9)
-    t17 = c9*t14*t15
-    return angle(c8*t0, c8*t1, t3), angle(t12*t4 - t13*t17, t12*t13 + t17*t4, c10*t7), c12*angle(t15, t14, c11), t2, t8, t10, t7
+    t8 = t2 + (t4*t4)
+    t9 = c4*(c3 - t8)
+    t10 = numpy.maximum(0, t9)
+    t11 = c4*(t8 - c5)
+    t12 = numpy.maximum(0, t11)
+    t13 = t12 - t10
+    t14 = c6*t13 + c7
+    t15 = c8*t3
+    t16 = 2*numpy.sqrt(t10*t12)
+    t17 = c9*t16
+    return angle(c8*t0, c8*t1, t3), angle(t14*t4 - t15*t17, t14*t15 + t17*t4, c10*t8), c11*angle(t16, t13, c10), t2, t9, t11, t8

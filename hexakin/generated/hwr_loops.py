@@ -8,53 +8,52 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos, to_half_turn
+from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos
 from hexakin.elementary import PER_TURN, TURN
 
 
 @contracted
-def _forward(constants, angles, result):
+def _forward(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
         c2 = constants[2, m]
         c3 = constants[3, m]
         c4 = constants[4, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k1 + c1*k_1
         result[3 * m + 0] = c2 + k0*t0
         result[3 * m + 1] = c3 + s0*t0
-        result[3 * m + 2] = -c0*s1 - c1*s_0 + c4
+        result[3 * m + 2] = c4 - c0*s1 - c1*s_0
 
 
 @kernel("2r", "1r", "1")
 def forward(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _forward(constants, near, result[3 * start : 3 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _forward(constants, s, k, result[3 * start : 3 * (start + tile)])
     return worst
 
 
 @contracted
-def _jacobian(constants, angles, result):
+def _jacobian(constants, sines, cosines, result):
     """One block."""
-    for m in range(angles.shape[0] // 3):
+    for m in range(sines.shape[0] // 3):
         c0 = constants[0, m]
         c1 = constants[1, m]
-        s0, k0 = sincos(angles[3 * m + 0])
-        s1, k1 = sincos(angles[3 * m + 1])
-        s2, k2 = sincos(angles[3 * m + 2])
+        s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
+        s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
+        s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = k1*s2 + k2*s1
         k_1 = k1*k2 - s1*s2
         t0 = c0*k_1
@@ -77,13 +76,12 @@ def _jacobian(constants, angles, result):
 def jacobian(constants, angles, result):
     """All blocks."""
     tile, worst = constants.shape[1], 0
-    scratch = numpy.empty(3 * tile)
+    sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
     for start in range(0, angles.shape[0] // 3, tile):
         part = angles[3 * start : 3 * (start + tile)]
-        state = to_half_turn(part, scratch)
-        worst = max(worst, state)
-        near = part if state == 0 else scratch[: part.shape[0]]
-        _jacobian(constants, near, result[9 * start : 9 * (start + tile)])
+        s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
+        worst = max(worst, sincos(part, s, k))
+        _jacobian(constants, s, k, result[9 * start : 9 * (start + tile)])
     return worst
 
 
@@ -103,36 +101,35 @@ def _inverse(constants, feet, angles, reachable, within, distance):
         c9 = constants[9, m]
         c10 = constants[10, m]
         c11 = constants[11, m]
-        c12 = constants[12, m]
-        tolerance = constants[13, m]
-        middle0 = constants[14, m]
-        middle1 = constants[15, m]
-        middle2 = constants[16, m]
-        low0 = constants[17, m]
-        low1 = constants[18, m]
-        low2 = constants[19, m]
-        high0 = constants[20, m]
-        high1 = constants[21, m]
-        high2 = constants[22, m]
+        tolerance = constants[12, m]
+        middle0 = constants[13, m]
+        middle1 = constants[14, m]
+        middle2 = constants[15, m]
+        low0 = constants[16, m]
+        low1 = constants[17, m]
+        low2 = constants[18, m]
+        high0 = constants[19, m]
+        high1 = constants[20, m]
+        high2 = constants[21, m]
         x = feet[3 * m + 0]
         y = feet[3 * m + 1]
         z = feet[3 * m + 2]
-        t0 = -c0 + y
-        t1 = -c1 + x
+        t0 = y - c0
+        t1 = x - c1
         t2 = (t0*t0) + (t1*t1)
         t3 = sqrt(t2)
         t4 = c2 - z
-        t7 = t2 + (t4*t4)
-        t8 = c4*(c3 - t7)
-        t9 = maximum(0, t8)
-        t10 = c4*(-c5 + t7)
-        t11 = maximum(0, t10)
-        t12 = c6*(t11 - t9) + c7
-        t13 = c8*t3
-        t14 = sqrt(t11)
-        t15 = sqrt(t9)
-        t17 = c9*t14*t15
-        q0, q1, q2, clearance, outer, inner, square = angle(c8*t0, c8*t1, t3), angle(t12*t4 - t13*t17, t12*t13 + t17*t4, c10*t7), c12*angle(t15, t14, c11), t2, t8, t10, t7
+        t8 = t2 + (t4*t4)
+        t9 = c4*(c3 - t8)
+        t10 = maximum(0, t9)
+        t11 = c4*(t8 - c5)
+        t12 = maximum(0, t11)
+        t13 = t12 - t10
+        t14 = c6*t13 + c7
+        t15 = c8*t3
+        t16 = 2*sqrt(t10*t12)
+        t17 = c9*t16
+        q0, q1, q2, clearance, outer, inner, square = angle(c8*t0, c8*t1, t3), angle(t14*t4 - t15*t17, t14*t15 + t17*t4, c10*t8), c11*angle(t16, t13, c10), t2, t9, t11, t8
         q0 = q0 + TURN * rounded((middle0 - q0) * PER_TURN)
         q1 = q1 + TURN * rounded((middle1 - q1) * PER_TURN)
         q2 = q2 + TURN * rounded((middle2 - q2) * PER_TURN)
