@@ -44,8 +44,9 @@ __all__ = [
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     """Foot positions in the body frame (A(12)).
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m], to four units in the last place of the leg's length, for angles of any
-    size. Raises InvalidInputError for a wrong shape or an angle that is not finite, naming leg and joint.
+    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m], to four units in the last place of the length of the leg's whole
+    chain, for angles of any size. Raises InvalidInputError for a wrong shape or an angle that is not finite, naming leg
+    and joint.
     """
     return _of_angles(forward_of, robot, q)
 
