@@ -11,6 +11,7 @@ not to the last bit.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -20,12 +21,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.elementary import PER_TURN, TURN, to_half_turn
+from hexakin.elementary import PER_TURN, TURN
 from hexakin.leg_functions import LegFunctions, leg_functions
 from hexakin.robot import Robot, check_robot
 from hexakin.transforms import Array, read_only
 
-FEW = 64
+FEW = 48
 """Leg poses up to which Python's floats are used."""
 
 MANY = 20_000_000
@@ -38,7 +39,8 @@ REACH_TOLERANCE = 1e-12
 """Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since a
 stretched leg's own forward kinematics lands outside by rounding."""
 
-_BLOCK = 8192  # leg poses: an array takes 64 kB, and a call of NumPy costs little beside its work
+_BLOCK = 12288  # leg poses: few enough for a cache, and a call of NumPy costs little beside its work
+_NEAR = 3.14  # [rad]: a little less than half a turn
 _TILE = 288  # leg poses of a compiled loop: enough that to start it costs little, few enough for the cache
 
 
@@ -101,15 +103,36 @@ class _OfAngles:
         return result if self._blocks(flat.reshape(-1, 3), result.reshape(count, -1)) else None
 
     def _blocks(self, q: Array, result: Array) -> bool:
-        arrays, constants = getattr(self.functions.numeric, f"{self.name}_arrays"), self.tiled[_BLOCK]
+        numeric, constants = self.functions.numeric, self.tiled[_BLOCK]
+        arrays, rows = getattr(numeric, f"{self.name}_arrays"), getattr(numeric, f"{self.name.upper()}_ROWS")
         step = constants.shape[1]
         for start in range(0, len(q), step):
-            part, possible = to_half_turn(q[start : start + step])
-            if not possible:
+            part = q[start : start + step].T
+            count = part.shape[1]
+            try:
+                arrays(constants[:, :count], part, workspace(rows, count), result[start : start + step].T)
+            except ValueError:  # too large, or not a number
                 return False
-            for column, value in enumerate(arrays(constants[:, : len(part)], part.T)):
-                result[start : start + step, column] = value
         return True
+
+
+class _Workspace(threading.local):
+    """A thread's memory (about 2 MB) for the values between a block's input and output, kept from call to call.
+
+    To ask the system for it at every call would take as long as the arithmetic.
+    """
+
+    values = np.empty(0)
+
+
+_workspace = _Workspace()
+
+
+def workspace(rows: int, count: int) -> Array:
+    """Rows (``rows``, ``count``) of the thread's memory; what was in them before is lost."""
+    if _workspace.values.size < rows * count:
+        _workspace.values = np.empty(rows * count)
+    return _workspace.values[: rows * count].reshape(rows, count)
 
 
 class Solved(NamedTuple):
@@ -165,11 +188,14 @@ class _Inverse:
         step = constants.shape[-1]
         for start in range(0, len(foot), step):
             part = slice(start, min(start + step, len(foot)))
-            feet = np.ascontiguousarray(foot[part].T)
+            rows = workspace(self.functions.numeric.INVERSE_ROWS + 4, part.stop - start)
+            feet, work = rows[:3], rows[3:]
+            np.copyto(feet, foot[part].T)
             for branch, every in enumerate(constants[:, :, : feet.shape[1]]):
                 self._block(
                     every,
                     feet,
+                    work,
                     result.q[branch, part],
                     result.reachable[branch, part],
                     result.within_limits[branch, part],
@@ -180,28 +206,31 @@ class _Inverse:
         self,
         constants: Array,
         feet: Array,
+        work: Array,
         q: Array,
         reachable: NDArray[np.bool_],
         within: NDArray[np.bool_],
         distance: Array,
     ) -> None:
-        *angles, clearance, outer, inner, square = self.functions.numeric.inverse_arrays(constants[:-10], feet)
-        bounds = constants[-10:]
-        least = np.minimum(np.minimum(clearance, outer), inner)
+        *angles, clearance, outer, inner, square = self.functions.numeric.inverse_arrays(constants[:-10], feet, work)
+        bounds, turns = constants[-10:], work[-1]
+        np.sqrt(square, distance)
+        least = np.minimum(np.minimum(clearance, outer, out=clearance), inner, out=clearance)
         least += bounds[0]
-        np.greater_equal(least, 0.0, out=reachable)
+        np.greater_equal(least, 0.0, reachable)
         np.copyto(within, reachable)
-        all_reached = reachable.all()
         for k, angle in enumerate(angles):
-            turns = np.rint((bounds[1 + k] - angle) * PER_TURN)
-            turns *= TURN
-            turns += angle
-            within &= turns >= bounds[4 + k]
-            within &= turns <= bounds[7 + k]
-            if not all_reached:
-                turns[~reachable] = np.nan
-            q[:, k] = turns
-        np.sqrt(square, out=distance)
+            np.subtract(bounds[1 + k], angle, turns)
+            if turns.max() > _NEAR or turns.min() < -_NEAR:  # else there is no turn to take off
+                turns *= PER_TURN
+                np.rint(turns, turns)
+                turns *= TURN
+                angle += turns
+            within &= np.greater_equal(angle, bounds[4 + k])
+            within &= np.less_equal(angle, bounds[7 + k])
+            q[:, k] = angle
+        if not reachable.all():
+            q[~reachable] = np.nan
 
 
 @lru_cache(maxsize=64)

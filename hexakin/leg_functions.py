@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -10,7 +11,6 @@ from types import ModuleType
 
 import numpy as np
 
-from hexakin.elementary import to_half_turn
 from hexakin.exceptions import MissingPackageError, NoClosedFormError
 from hexakin.generated import MODULES
 from hexakin.robot import LegTable, Robot
@@ -31,21 +31,25 @@ class LegFunctions:
 
     def forward(self, p: Array, q: Array) -> Array:
         """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]."""
-        return np.stack(self._of_angles("forward", p, q), axis=-1)
+        return self._of_angles("forward", p, q, (3,))
 
     def jacobian(self, p: Array, q: Array) -> Array:
         """Derivative (..., 3, 3) [m/rad] of the foot position by the angles."""
-        entries = self._of_angles("jacobian", p, q)
-        return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
+        return self._of_angles("jacobian", p, q, (3, 3))
 
-    def _of_angles(self, name: str, p: Array, q: Array) -> list[Array]:
+    def _of_angles(self, name: str, p: Array, q: Array, entries: tuple[int, ...]) -> Array:
         constants = getattr(self.numeric, f"{name}_constants")(np.moveaxis(p, -1, 0))
-        angles, possible = to_half_turn(q)
-        if not possible:
-            angles = np.arctan2(np.sin(q), np.cos(q))
-        return list(
-            np.broadcast_arrays(*getattr(self.numeric, f"{name}_arrays")(constants, np.moveaxis(angles, -1, 0)))
-        )
+        shape = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
+        many = shape or (1,)  # the rows of a result are arrays
+        angles = np.moveaxis(np.broadcast_to(q, (*many, 3)), -1, 0)
+        work = np.empty((getattr(self.numeric, f"{name.upper()}_ROWS"), *many))
+        result = np.empty((math.prod(entries), *many))
+        arrays = getattr(self.numeric, f"{name}_arrays")
+        try:
+            arrays(constants, angles, work, result)
+        except ValueError:  # too large
+            arrays(constants, np.arctan2(np.sin(angles), np.cos(angles)), work, result)
+        return np.moveaxis(result, 0, -1).reshape(*shape, *entries)
 
     @property
     def closed_form(self) -> bool:

@@ -6,6 +6,7 @@ The unit tests compare 2000 poses with mpmath; ``tests/benchmarks/kinematics.py`
 import copy
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import mpmath
 import numpy as np
@@ -355,3 +356,26 @@ def test_a_leg_type_of_ones_own_has_compiled_loops(cache, edited, rng, monkeypat
     every = hk.inverse_kinematics(raised, foot, branch="all")
     assert every.q.shape == (500, 6, *BRANCH_SIGNS.shape[:1], 3) and every.reachable.any(axis=-1).all()
     assert list(cache.glob("__pycache__/*.nbc")), "the machine code lies beside its source"
+
+
+def test_threads_do_not_meet_in_their_workspaces(code, athena, rng):
+    angles = rng.uniform(athena.q_min, athena.q_max, (8, 1500, 6, 3))
+
+    def both(q):
+        foot = hk.forward_kinematics(athena, q)
+        return foot, hk.jacobian(athena, q), hk.inverse_kinematics(athena, foot).q
+
+    alone = [both(q) for q in angles]
+    with ThreadPoolExecutor(4) as threads:
+        together = list(threads.map(both, np.concatenate([angles] * 3)))
+    for k, found in enumerate(together):
+        assert all((a == b).all() for a, b in zip(found, alone[k % 8], strict=True))
+
+
+def test_a_result_keeps_its_values_when_the_next_is_computed(code, athena, rng):
+    first, second = rng.uniform(athena.q_min, athena.q_max, (2, 100, 6, 3))
+    foot = hk.forward_kinematics(athena, first)
+    solution, kept = hk.inverse_kinematics(athena, foot), foot.copy()
+    q, distance = solution.q.copy(), solution.distance.copy()
+    hk.inverse_kinematics(athena, hk.forward_kinematics(athena, second))
+    assert (foot == kept).all() and (solution.q == q).all() and (solution.distance == distance).all()

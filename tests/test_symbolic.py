@@ -114,7 +114,8 @@ def test_a_leg_with_an_offset_along_its_first_plane_has_its_inverse_derived(rng,
     foot = functions.forward(p, rng.uniform(-1.4, 1.4, (1000, 3)))
     for side, knee in BRANCH_SIGNS.astype(float):
         constants = functions.numeric.inverse_constants(p, side, knee)
-        *angles, clearance, outer, inner, square = functions.numeric.inverse_arrays(constants, foot.T)
+        work = np.empty((functions.numeric.INVERSE_ROWS, len(foot)))
+        *angles, clearance, outer, inner, square = functions.numeric.inverse_arrays(constants, foot.T, work)
         exists = (clearance >= 0) & (outer >= 0) & (inner >= 0)
         assert exists.sum() > 50
         back = functions.forward(p, np.stack(angles, axis=-1))
