@@ -93,7 +93,11 @@ class _OfAngles:
                 values = self.scalar(many, q.tolist() if q.ndim == 2 else q.reshape(-1, 3).tolist())
             except ValueError:  # the sine of an infinite angle
                 return None
-            return np.array(values).reshape(q.shape[:-1] + self.shape) if math.isfinite(sum(values)) else None
+            if not math.isfinite(sum(values)):
+                return None
+            result = np.empty(q.shape[:-1] + self.shape)
+            result.reshape(-1)[:] = values  # in half the time of np.array(values).reshape(...)
+            return result
         count, flat = q.size // 3, np.ascontiguousarray(q).reshape(-1)
         result = np.empty(q.shape[:-1] + self.shape)
         loops = _loops(self.functions, count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -104,8 +105,9 @@ def inverse_kinematics(
     UnknownNameError for an unknown option.
     """
     check_robot(robot)
-    closed = closed_form(robot.table)
-    # A coordinate that is not finite shows in its foot's distance: the feet are looked through only if one does.
+    closed = _is_closed(robot)
+    # A foot with a coordinate that is not finite is not reached, and its distance is not finite either: the feet are
+    # looked through only then.
     checked = not (_fits(robot, p_body_foot) and near is None and closed)
     foot = _feet(robot, p_body_foot) if checked else cast(Array, p_body_foot)
     if not isinstance(branch, str) or branch not in ("standing", "all"):
@@ -129,11 +131,17 @@ def inverse_kinematics(
         solution = picked(every_branch(robot, foot), first, first)
     else:
         solution = on_standing_branch(robot, foot)
-    if not checked and not np.isfinite(solution.distance.sum()):
+    reached = np.count_nonzero(solution.reachable) == solution.reachable.size
+    if not checked and not reached and not np.isfinite(solution.distance.sum()):
         _feet(robot, foot)
     if on_unreachable == "raise":
         _raise_if_unreachable(solution, many=branch == "all")
     return solution
+
+
+@lru_cache(maxsize=64)
+def _is_closed(robot: Robot) -> bool:
+    return closed_form(robot.table)
 
 
 def _feet(robot: Robot, p_body_foot: ArrayLike) -> Array:
