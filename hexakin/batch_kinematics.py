@@ -98,11 +98,11 @@ class _OfAngles:
             result = np.empty(q.shape[:-1] + self.shape)
             result.reshape(-1)[:] = values  # in half the time of np.array(values).reshape(...)
             return result
-        count, flat = q.size // 3, np.ascontiguousarray(q).reshape(-1)
+        count, flat = q.size // 3, q.ravel()
         result = np.empty(q.shape[:-1] + self.shape)
         loops = _loops(self.functions, count)
         if loops is not None:
-            lost = getattr(loops, self.name)(self.tiled[_TILE], flat, result.reshape(-1)) > 0
+            lost = getattr(loops, self.name)(self.tiled[_TILE], flat, result.ravel()) > 0
             return None if lost else result
         return result if self._blocks(flat.reshape(-1, 3), result.reshape(count, -1)) else None
 
@@ -171,7 +171,7 @@ class _Inverse:
             found = [self.functions.numeric.inverse_scalar(rows * number, feet) for rows in self.rows]
             q, reachable, within, distance = (np.array(values) for values in zip(*found, strict=True))
             return Solved(q.reshape(branches, count, 3), reachable, within, distance)
-        flat = np.ascontiguousarray(foot).reshape(-1)
+        flat = foot.ravel()
         result = Solved(
             np.empty((branches, count, 3)),
             np.empty((branches, count), dtype=bool),

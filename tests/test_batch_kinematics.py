@@ -225,7 +225,8 @@ def test_empty_strided_and_read_only_arrays_are_taken(code, athena, rng):
     expected = hk.forward_kinematics(athena, q)
     strided = np.repeat(q, 2, axis=0)[::2]
     strided.setflags(write=False)
-    for same in (strided, np.asfortranarray(q), q.tolist(), q.astype(">f8")):
+    by_twos = np.repeat(q, 2, axis=-1)[..., ::2]
+    for same in (strided, by_twos, np.asfortranarray(q), q.tolist(), q.astype(">f8")):
         assert np.array_equal(hk.forward_kinematics(athena, same), expected)
 
 
