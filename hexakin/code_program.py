@@ -84,15 +84,7 @@ def _one_root(product: sp.Expr, fixed: frozenset[sp.Symbol]) -> sp.Expr:
 
 
 def program_of_angles(leg: LegKinematics, results: Sequence[sp.Expr]) -> tuple[Program, list[sp.Expr]]:
-    """Program of expressions in sines and cosines of the joint angles, which it takes as s0, k0, s1 and so on.
-
-    Those of sums of angles are either computed first or multiplied out, whichever takes fewer operations.
-    """
-    programs = [_with_sums(leg, results, multiplied_out) for multiplied_out in (False, True)]
-    return min(programs, key=lambda pair: sp.count_ops([*(value for _, value in pair[0].body), *pair[1]]))
-
-
-def _with_sums(leg: LegKinematics, results: Sequence[sp.Expr], multiplied_out: bool) -> tuple[Program, list[sp.Expr]]:
+    """Program of expressions in sines and cosines of the joint angles, which it takes as s0, k0, s1 and so on."""
     pairs = {
         function(q): sp.Symbol(f"{letter}{i}", real=True)
         for i, q in enumerate(leg.joints)
@@ -100,20 +92,16 @@ def _with_sums(leg: LegKinematics, results: Sequence[sp.Expr], multiplied_out: b
     }
     program = Program(frozenset(leg.parameters), "c")
     statements: list[Statement] = []
-    named: dict[sp.Expr, sp.Expr] = dict(pairs)
+    named = dict(pairs)
     found = set().union(*(result.atoms(sp.sin, sp.cos) for result in results))
     for call in sorted(found, key=lambda f: (len(f.args[0].args), sp.default_sort_key(f))):
         if call in pairs or not call.free_symbols & set(leg.joints):
             continue
         # Addition theorem.
-        sum_ = sp.expand_trig(call).xreplace(pairs)
-        if multiplied_out and len(call.free_symbols & set(leg.joints)) > 1:
-            named[call] = sum_
-            continue
         named[call] = sp.Symbol(f"{'s' if call.func == sp.sin else 'k'}_{len(statements)}", real=True)
-        statements.append((named[call], sum_))
-    trigonometric = {*pairs.values(), *(name for name, _ in statements)}
-    results = [_factored(sp.expand(sp.expand(result).xreplace(named)), trigonometric) for result in results]
+        statements.append((named[call], sp.expand_trig(call).xreplace(pairs)))
+    trigonometric = set(named.values())
+    results = [_factored(sp.expand(result).xreplace(named), trigonometric) for result in results]
     return program, program.add(statements, results)
 
 

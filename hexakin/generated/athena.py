@@ -17,7 +17,7 @@ CLOSED_FORM = True
 def forward_constants(p):
     """Constants of legs with parameters ``p`` (n, ...)."""
     (p0, p1, p2, p3, p4, ) = p
-    return [numpy.sin(p0), numpy.cos(p0), p4, p3, p2, p1*numpy.cos(p0), p1*numpy.sin(p0)]
+    return [numpy.sin(p0), numpy.cos(p0), p3, p4, p2, p1*numpy.cos(p0), p1*numpy.sin(p0)]
 
 
 def forward_scalar(constants, angles):
@@ -26,11 +26,11 @@ def forward_scalar(constants, angles):
     for (c0, c1, c2, c3, c4, c5, c6), (q0, q1, q2) in zip(constants, angles):
         s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)
         s_0 = c0*k0 + c1*s0
-        k_1 = c1*k0 - c0*s0
-        t0 = c2*s2
-        t1 = c2*k2 + c3
-        t2 = c4 + k1*t1 - s1*t0
-        result += (c5 + k_1*t2, c6 + s_0*t2, k1*t0 + s1*t1)
+        s_1 = k1*s2 + k2*s1
+        k_2 = c1*k0 - c0*s0
+        k_3 = k1*k2 - s1*s2
+        t0 = c2*k1 + c3*k_3 + c4
+        result += (c5 + k_2*t0, c6 + s_0*t0, c2*s1 + c3*s_1)
     return result
 
 
@@ -42,23 +42,26 @@ def forward_arrays(constants, angles, work, result):
     multiply(c0, k0, w0)
     multiply(c1, s0, w1)
     add(w0, w1, w1)
+    multiply(k1, s2, w0)
+    multiply(k2, s1, w2)
+    add(w0, w2, w2)
     multiply(c1, k0, k0)
     multiply(c0, s0, s0)
     subtract(k0, s0, s0)
-    multiply(c2, s2, s2)
-    multiply(c2, k2, k2)
-    add(c3, k2, k2)
-    multiply(k1, k2, k0)
-    add(c4, k0, k0)
-    multiply(s1, s2, w0)
-    subtract(k0, w0, w0)
-    multiply(s0, w0, s0)
+    multiply(k1, k2, k2)
+    multiply(s1, s2, s2)
+    subtract(k2, s2, s2)
+    multiply(c2, k1, k1)
+    add(c4, k1, k1)
+    multiply(c3, s2, s2)
+    add(k1, s2, s2)
+    multiply(s0, s2, s0)
     add(c5, s0, result[0])
-    multiply(w1, w0, w0)
-    add(c6, w0, result[1])
-    multiply(k1, s2, s2)
-    multiply(s1, k2, k2)
-    add(s2, k2, result[2])
+    multiply(w1, s2, s2)
+    add(c6, s2, result[1])
+    multiply(c2, s1, s1)
+    multiply(c3, w2, w2)
+    add(s1, w2, result[2])
 
 
 FORWARD_ROWS = 12

@@ -27,13 +27,13 @@ def _forward(constants, sines, cosines, result):
         s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
         s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
         s_0 = c0*k0 + c1*s0
-        k_1 = c1*k0 - c0*s0
-        t0 = c2*s2
-        t1 = c2*k2 + c3
-        t2 = c4 + k1*t1 - s1*t0
-        result[3 * m + 0] = c5 + k_1*t2
-        result[3 * m + 1] = c6 + s_0*t2
-        result[3 * m + 2] = k1*t0 + s1*t1
+        s_1 = k1*s2 + k2*s1
+        k_2 = c1*k0 - c0*s0
+        k_3 = k1*k2 - s1*s2
+        t0 = c2*k1 + c3*k_3 + c4
+        result[3 * m + 0] = c5 + k_2*t0
+        result[3 * m + 1] = c6 + s_0*t0
+        result[3 * m + 2] = c2*s1 + c3*s_1
 
 
 @kernel("2r", "1r", "1")

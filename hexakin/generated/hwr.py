@@ -17,7 +17,7 @@ CLOSED_FORM = True
 def forward_constants(p):
     """Constants of legs with parameters ``p`` (n, ...)."""
     (p0, p1, p2, p3, p4, ) = p
-    return [p4, p3, p0, p1, p2]
+    return [p3, p4, p0, p1, p2]
 
 
 def forward_scalar(constants, angles):
@@ -25,10 +25,10 @@ def forward_scalar(constants, angles):
     result = []
     for (c0, c1, c2, c3, c4), (q0, q1, q2) in zip(constants, angles):
         s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)
-        t0 = c0*s2
-        t1 = c0*k2 + c1
-        t2 = k1*t1 - s1*t0
-        result += (c2 + k0*t2, c3 + s0*t2, c4 - k1*t0 - s1*t1)
+        s_0 = k1*s2 + k2*s1
+        k_1 = k1*k2 - s1*s2
+        t0 = c0*k1 + c1*k_1
+        result += (c2 + k0*t0, c3 + s0*t0, c4 - c0*s1 - c1*s_0)
     return result
 
 
@@ -37,20 +37,23 @@ def forward_arrays(constants, angles, work, result):
     (c0, c1, c2, c3, c4, ) = constants
     (s0, s1, s2), (k0, k1, k2), spare = sincos(angles, work[:12])
     (w0, w1, w2, w3, w4, w5, ) = [*spare, *work[12:12]]
-    multiply(c0, s2, s2)
-    multiply(c0, k2, k2)
-    add(c1, k2, k2)
-    multiply(k1, k2, w0)
-    multiply(s1, s2, w1)
-    subtract(w0, w1, w1)
-    multiply(k0, w1, k0)
+    multiply(k1, s2, w0)
+    multiply(k2, s1, w1)
+    add(w0, w1, w1)
+    multiply(k1, k2, k2)
+    multiply(s1, s2, s2)
+    subtract(k2, s2, s2)
+    multiply(c0, k1, k1)
+    multiply(c1, s2, s2)
+    add(k1, s2, s2)
+    multiply(k0, s2, k0)
     add(c2, k0, result[0])
-    multiply(s0, w1, w1)
-    add(c3, w1, result[1])
-    multiply(k1, s2, s2)
-    subtract(c4, s2, s2)
-    multiply(s1, k2, k2)
-    subtract(s2, k2, result[2])
+    multiply(s0, s2, s2)
+    add(c3, s2, result[1])
+    multiply(c0, s1, s1)
+    subtract(c4, s1, s1)
+    multiply(c1, w1, w1)
+    subtract(s1, w1, result[2])
 
 
 FORWARD_ROWS = 12

@@ -24,12 +24,12 @@ def _forward(constants, sines, cosines, result):
         s0, k0 = sines[3 * m + 0], cosines[3 * m + 0]
         s1, k1 = sines[3 * m + 1], cosines[3 * m + 1]
         s2, k2 = sines[3 * m + 2], cosines[3 * m + 2]
-        t0 = c0*s2
-        t1 = c0*k2 + c1
-        t2 = k1*t1 - s1*t0
-        result[3 * m + 0] = c2 + k0*t2
-        result[3 * m + 1] = c3 + s0*t2
-        result[3 * m + 2] = c4 - k1*t0 - s1*t1
+        s_0 = k1*s2 + k2*s1
+        k_1 = k1*k2 - s1*s2
+        t0 = c0*k1 + c1*k_1
+        result[3 * m + 0] = c2 + k0*t0
+        result[3 * m + 1] = c3 + s0*t0
+        result[3 * m + 2] = c4 - c0*s1 - c1*s_0
 
 
 @kernel("2r", "1r", "1")

@@ -23,7 +23,7 @@ import hexakin as hk
 from hexakin import batch_kinematics
 
 athena = hk.load_robot("athena")
-SIZES = {1: 21, 10**3: 21, 10**5: 9, 10**6: 5}  # poses: repetitions
+SIZES = {1: 21, 10**3: 21, 10**5: 15, 10**6: 9}  # poses: repetitions
 NUMPY, COMPILED, ONE = "hexakin, NumPy only", "hexakin, compiled", "hexakin"
 BATCH_BARS = {
     ("forward", COMPILED): 0.05,
