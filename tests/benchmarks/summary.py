@@ -53,10 +53,12 @@ def text(rows, about):
     lines += ["| hexakin | beside | time, as ratio | bar |", "|---|---|---|---|"]
     for said, benchmark, size, code, against in LINES:
         row = found[benchmark, code, against, size]
-        bar = (
-            "" if not row["bar"] else f"{row['bar']} {'met' if float(row['ratio']) <= float(row['bar']) else 'missed'}"
-        )
-        lines.append(f"| {said} | {NAMES.get(against, against)} | {float(row['ratio']):#.2g} | {bar} |")
+        ratio, bar = float(row["ratio"]), float(row["bar"] or "nan")
+        verdict = f"{row['bar']} {'met' if ratio <= bar else 'missed'}" if row["bar"] else ""
+        shown = f"{ratio:#.2g}"
+        if (float(shown) <= bar) != (ratio <= bar):  # rounded to the other side of its bar
+            shown = f"{ratio:#.3g}"
+        lines.append(f"| {said} | {NAMES.get(against, against)} | {shown} | {verdict} |")
     bars = [float(row["ratio"]) <= float(row["bar"]) for row in rows if row["bar"]]
     return "\n".join([*lines, "", f"Of all {len(bars)} bars, {sum(bars)} are met."]) + "\n"
 
