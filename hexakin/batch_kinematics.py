@@ -2,10 +2,9 @@
 
 Up to ``FEW`` leg poses Python's own floats are the fastest, since each call of NumPy costs as much as dozens of
 their operations. Beyond, NumPy works on blocks that stay in the cache. Compiled loops are five to ten times faster
-still, but to load them takes a second (and to compile them ten, once for an installation), in which NumPy solves tens
-of millions of leg poses: they are loaded when a process has come to ``MANY`` of them, or at once by ``prepare``. The
-count alone decides, so that a program that runs twice takes the same path. The results of the three agree to rounding,
-not to the last bit.
+still, but to load them takes a process about a second (and to compile them ten, once for an installation). A call with
+``MANY`` leg poses loads them; smaller batches use them after ``prepare``. Only the size of a call decides, and not what
+was called before it: equal arguments give equal bits. The results of the three agree to rounding, not to the last bit.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ from hexakin.transforms import Array, read_only
 FEW = 48
 """Leg poses up to which Python's floats are used."""
 
-MANY = 20_000_000
-"""Leg poses after which compiled loops are worth loading."""
+MANY = 100_000
+"""Leg poses of a call from which on compiled loops are loaded for it."""
 
 LIMIT_TOLERANCE = 1e-9
 """[rad]: rounding must not push a pose on its limit out of it."""
@@ -45,23 +44,22 @@ _TILE = 288  # leg poses of a compiled loop: enough that to start it costs littl
 
 
 def prepare(robot: Robot) -> bool:
-    """Load the compiled loops of a robot's legs now; return whether there are any (False: no numba, or no cache)."""
+    """Load the compiled loops of a robot's legs now, for batches of all sizes from here on.
+
+    Returns whether there are any (False: no numba, or no place for machine code; NumPy then serves).
+    """
     check_robot(robot)
-    return leg_functions(robot.table).loops is not None
+    if leg_functions(robot.table).loops is None:
+        return False
+    _prepared.add(robot.table.type_key)
+    return True
 
 
-class _Count:
-    """Leg poses that NumPy has solved in this process."""
-
-    solved = 0
+_prepared: set[str] = set()  # leg types
 
 
 def _loops(functions: LegFunctions, count: int) -> ModuleType | None:
-    if "loops" not in functions.__dict__:
-        _Count.solved += count
-        if _Count.solved < MANY:
-            return None
-    return functions.loops
+    return functions.loops if count >= MANY or functions.table.type_key in _prepared else None
 
 
 @dataclass(frozen=True)
@@ -163,8 +161,8 @@ class _Inverse:
     def tiled(self) -> dict[int, Array]:
         return {size: _tiled(self.constants, size) for size in (_BLOCK, _TILE)}
 
-    def __call__(self, foot: Array) -> Solved:
-        """Solve for feet (..., L, 3) [m]."""
+    def __call__(self, foot: Array, total: int = 0) -> Solved:
+        """Solve for feet (..., L, 3) [m], a part of ``total`` leg poses if that is more."""
         count, branches = foot.size // 3, len(self.constants)
         if count <= FEW:
             feet, number = foot.reshape(-1, 3).tolist(), count // self.constants.shape[-1]
@@ -178,7 +176,7 @@ class _Inverse:
             np.empty((branches, count), dtype=bool),
             np.empty((branches, count)),
         )
-        loops = _loops(self.functions, branches * count)
+        loops = _loops(self.functions, branches * max(count, total))
         if loops is not None:
             loops.inverse(self.tiled[_TILE], flat, result.q.reshape(branches, -1), *result[1:])
         else:

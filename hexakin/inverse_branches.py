@@ -104,7 +104,7 @@ def followed(every: InverseSolution, start: Array) -> InverseSolution:
 
 
 @lru_cache(maxsize=64)
-def _for_every_branch(robot: Robot) -> Callable[[Array], Solved]:
+def _for_every_branch(robot: Robot) -> Callable[..., Solved]:
     return inverse_of(robot, BRANCH_SIGNS)
 
 
@@ -156,10 +156,12 @@ def picked(solution: InverseSolution, position: NDArray[np.int_], branch: NDArra
 def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
     nearest_of = _nearest_branch if closed_form(robot.table) else _nearest_found
-    if foot.size <= 3 * _CHUNK:
-        return nearest_of(robot, foot, near)
+    total = foot.size // 3
+    if total <= _CHUNK:
+        return nearest_of(robot, foot, near, total)
     flat, hints = foot.reshape(-1, *foot.shape[-2:]), near.reshape(-1, *near.shape[-2:])
-    parts = [nearest_of(robot, flat[k : k + _CHUNK], hints[k : k + _CHUNK]) for k in range(0, len(flat), _CHUNK)]
+    chunks = (slice(k, k + _CHUNK) for k in range(0, len(flat), _CHUNK))
+    parts = [nearest_of(robot, flat[chunk], hints[chunk], total) for chunk in chunks]
 
     def joined(name: str) -> Any:
         values = np.concatenate([getattr(part, name) for part in parts])
@@ -169,8 +171,8 @@ def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     return InverseSolution(**{name: joined(name) for name in names}, numerical=parts[0].numerical)
 
 
-def _nearest_branch(robot: Robot, foot: Array, near: Array) -> InverseSolution:
-    solved = _for_every_branch(robot)(foot)
+def _nearest_branch(robot: Robot, foot: Array, near: Array, total: int) -> InverseSolution:
+    solved = _for_every_branch(robot)(foot, total)
     position = _nearest_position(solved.q, solved.reachable, near.reshape(-1, 3), axis=0)
     shape, chosen = foot.shape[:-1], (position, np.arange(len(position)))
     return InverseSolution(
@@ -183,7 +185,7 @@ def _nearest_branch(robot: Robot, foot: Array, near: Array) -> InverseSolution:
     )
 
 
-def _nearest_found(robot: Robot, foot: Array, near: Array) -> InverseSolution:
+def _nearest_found(robot: Robot, foot: Array, near: Array, _: int) -> InverseSolution:
     every = every_branch(robot, foot)
     position = _nearest_position(every.q, every.reachable, near[..., None, :], axis=-1)
     return picked(every, position, position)

@@ -259,15 +259,50 @@ def test_one_pose_and_small_batches_do_not_load_numba():
     assert done.splitlines() == ["False False", "False", "(5000, 6, 3)"]
 
 
-class LegFunctionsStub:
-    loops = "loaded"
+@pytest.fixture
+def loops_used(athena, monkeypatch):
+    """Say of a call whether it used compiled loops; nothing was prepared before."""
+    pytest.importorskip("numba")
+    monkeypatch.setattr(batch_kinematics, "_prepared", set())
+    chosen, choose = [], batch_kinematics._loops
+
+    def watched(*arguments):
+        chosen.append(choose(*arguments) is not None)
+        return choose(*arguments)
+
+    monkeypatch.setattr(batch_kinematics, "_loops", watched)
+
+    def used(call, *arguments):
+        chosen.clear()
+        call(*arguments)
+        assert len(set(chosen)) == 1
+        return chosen[0]
+
+    return used
 
 
-def test_loops_are_loaded_when_a_process_has_come_to_many_poses(athena, monkeypatch):
-    functions = LegFunctionsStub()
-    monkeypatch.setattr(batch_kinematics._Count, "solved", batch_kinematics.MANY - 1000)
-    assert batch_kinematics._loops(functions, 900) is None
-    assert batch_kinematics._loops(functions, 200) == "loaded"
+def test_the_size_of_a_call_decides_whether_loops_are_used(athena, loops_used, monkeypatch):
+    monkeypatch.setattr(batch_kinematics, "MANY", 6000)
+    q = np.zeros((1000, 6, 3)) + athena.standing_q
+    foot = hk.forward_kinematics(athena, q)
+    calls = {
+        "forward": lambda n: hk.forward_kinematics(athena, q[:n]),
+        "jacobian": lambda n: hk.jacobian(athena, q[:n]),
+        "inverse": lambda n: hk.inverse_kinematics(athena, foot[:n]),
+        "four branches": lambda n: hk.inverse_kinematics(athena, foot[: n // 4], branch="all"),
+        "nearest branch": lambda n: hk.inverse_kinematics(athena, foot[: n // 4], near=q[: n // 4]),
+    }
+    for call in calls.values():
+        assert not loops_used(call, 996)
+        assert loops_used(call, 1000)
+        assert not loops_used(call, 996), "what was called before does not count"
+
+
+def test_prepared_loops_are_used_for_batches_of_all_sizes(athena, loops_used):
+    q = np.zeros((20, 6, 3))
+    assert not loops_used(hk.forward_kinematics, athena, q)
+    assert batch_kinematics.prepare(athena)
+    assert loops_used(hk.forward_kinematics, athena, q)
 
 
 # --- leg types that are not shipped ------------------------------------------------------------------------
@@ -350,6 +385,7 @@ def test_a_leg_type_of_ones_own_has_compiled_loops(cache, edited, rng, monkeypat
     raised = edited("athena", lambda tree: (
         tree["leg_table"]["rows"][1].update(d="h"), tree["leg_table"]["parameters"].update(h=0.01)
     ))  # fmt: skip
+    monkeypatch.setattr(batch_kinematics, "_prepared", set())
     assert batch_kinematics.prepare(raised)
     q = rng.uniform(raised.q_min, raised.q_max, (500, 6, 3))
     foot = hk.forward_kinematics(raised, q)
