@@ -28,7 +28,7 @@ from hexakin.transforms import Array, read_only
 FEW = 48
 """Leg poses up to which Python's floats are used."""
 
-MANY = 100_000
+MANY = 500_000
 """Leg poses of a call from which on compiled loops are loaded for it."""
 
 LIMIT_TOLERANCE = 1e-9
