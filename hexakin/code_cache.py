@@ -19,6 +19,17 @@ from hexakin.robot import LegTable
 
 PARTS = ("numeric", "loops")
 
+SOURCES = (
+    "symbolic.py",
+    "code_program.py",
+    "array_code.py",
+    "code_generation.py",
+    "elementary.py",
+    "compiled_elementary.py",
+    "compiled.py",
+)
+"""What the code of a leg type is made by and runs with."""
+
 
 def directory() -> Path:
     """Where the code is kept; ``HEXAKIN_CACHE`` in the environment overrides the platform's place for caches."""
@@ -78,15 +89,7 @@ def executed(text: str, filename: str, name: str) -> ModuleType:
 @lru_cache(maxsize=1)
 def _generator() -> str:
     package = Path(__file__).parent
-    names = (
-        "symbolic.py",
-        "code_program.py",
-        "code_generation.py",
-        "elementary.py",
-        "compiled_elementary.py",
-        "compiled.py",
-    )
-    return hashlib.sha256(b"".join((package / name).read_bytes() for name in names)).hexdigest()
+    return hashlib.sha256(b"".join((package / name).read_bytes() for name in SOURCES)).hexdigest()
 
 
 def _checked(path: Path) -> str | None:

@@ -89,7 +89,7 @@ def _constants(program: Program, name: str, parameters: Sequence[sp.Symbol], ext
 
 
 _PAIRS = ["s0", "s1", "s2", "k0", "k1", "k2"]
-_SINCOS_ROWS = 12  # of the workspace, 6 of which end with sines and cosines
+_SINCOS_ROWS = 2 * len(_PAIRS)  # of the workspace, half of which end with sines and cosines
 
 
 def _names(letter: str, count: int) -> str:
@@ -106,10 +106,14 @@ def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: 
     scalar = ["result = []", f"for ({unpacked}), (q0, q1, q2) in zip(constants, angles):"]
     scalar += ["    " + line for line in inner]
     entries = [f"result[{i}]" for i in range(len(results))]
-    code = array_code(program.body, results, used_up=_PAIRS, spare=6, into=entries)
-    rows = _SINCOS_ROWS - 6 + code.rows
-    arrays = [_unpacked(names, "constants"), "(s0, s1, s2), (k0, k1, k2), spare = sincos(angles, work[:12])"]
-    arrays += [f"({_names('w', code.rows)}) = [*spare, *work[12:{rows}]]", *code.lines]
+    code = array_code(program.body, results, used_up=_PAIRS, spare=_SINCOS_ROWS - len(_PAIRS), into=entries)
+    rows = len(_PAIRS) + code.rows
+    arrays = [
+        _unpacked(names, "constants"),
+        f"(s0, s1, s2), (k0, k1, k2), spare = sincos(angles, work[:{_SINCOS_ROWS}])",
+        f"({_names('w', code.rows)}) = [*spare, *work[{_SINCOS_ROWS}:{rows}]]",
+        *code.lines,
+    ]
     return (
         _constants(program, name, parameters)
         + _function(f"{name}_scalar(constants, angles)", "All entries, leg by leg.", [*scalar, "return result"])

@@ -30,7 +30,7 @@ class LegFunctions:
     loops_at: str | Path | None
 
     def forward(self, p: Array, q: Array) -> Array:
-        """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]."""
+        """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]; NaN where an angle is not finite."""
         return self._of_angles("forward", p, q, (3,))
 
     def jacobian(self, p: Array, q: Array) -> Array:
@@ -47,8 +47,11 @@ class LegFunctions:
         arrays = getattr(self.numeric, f"{name}_arrays")
         try:
             arrays(constants, angles, work, result)
-        except ValueError:  # too large
+        except ValueError:  # too large, or not finite
+            finite = np.isfinite(angles).all(axis=0)
+            angles = np.where(finite, angles, 0.0)
             arrays(constants, np.arctan2(np.sin(angles), np.cos(angles)), work, result)
+            result[:, ~finite] = np.nan
         return np.moveaxis(result, 0, -1).reshape(*shape, *entries)
 
     @property
