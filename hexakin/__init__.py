@@ -12,7 +12,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from hexakin.installation import __version__
 
 _NAMES = {
     "load_robot": "robot_file",

@@ -15,20 +15,13 @@ from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 
+from hexakin import installation
 from hexakin.robot import LegTable
 
 PARTS = ("numeric", "loops")
 
-SOURCES = (
-    "symbolic.py",
-    "code_program.py",
-    "array_code.py",
-    "code_generation.py",
-    "elementary.py",
-    "compiled_elementary.py",
-    "compiled.py",
-)
-"""What the code of a leg type is made by and runs with."""
+_MADE_BY = ("hexakin.code_generation", "hexakin.generated")
+"""What writes a leg type's code, and code so written: that imports what any leg type's code runs with."""
 
 
 def directory() -> Path:
@@ -88,8 +81,8 @@ def executed(text: str, filename: str, name: str) -> ModuleType:
 
 @lru_cache(maxsize=1)
 def _generator() -> str:
-    package = Path(__file__).parent
-    return hashlib.sha256(b"".join((package / name).read_bytes() for name in SOURCES)).hexdigest()
+    sources = installation.sources(_MADE_BY).values()
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def _checked(path: Path) -> str | None:

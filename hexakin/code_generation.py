@@ -21,8 +21,9 @@ from sympy.printing.pycode import PythonCodePrinter
 from hexakin.array_code import array_code
 from hexakin.code_program import Program, Statement, angle, program_of_angles, program_of_feet
 from hexakin.exceptions import NoClosedFormError
+from hexakin.installation import DATA
 from hexakin.robot import LegTable
-from hexakin.robot_file import DATA, load_robot
+from hexakin.robot_file import load_robot
 from hexakin.symbolic import LegKinematics, derive
 
 
@@ -272,17 +273,17 @@ def generate(table: LegTable) -> Sources:
 def generated_files() -> dict[str, str]:
     """Return file name -> text of ``hexakin.generated`` for the leg types of all shipped robots."""
     files: dict[str, str] = {}
-    modules: dict[str, str] = {}
+    modules: dict[str, tuple[str, str]] = {}
     for path in sorted((DATA / "robots").glob("*.yaml")):
         table = load_robot(path).table
         if table.type_key not in modules:
-            modules[table.type_key] = path.stem
+            modules[table.type_key] = (f"hexakin.generated.{path.stem}", f"hexakin.generated.{path.stem}_loops")
             sources = generate(table)
             files[f"{path.stem}.py"], files[f"{path.stem}_loops.py"] = sources.numeric, sources.loops
-    entries = "".join(f'    "{key}": "{module}",\n' for key, module in modules.items())
+    entries = "".join(f'    "{key}": ("{numeric}", "{loops}"),\n' for key, (numeric, loops) in modules.items())
     files["__init__.py"] = (
         '"""Generated kinematics of the shipped leg types, each named after the first robot that has it."""\n\n'
-        f"MODULES = {{\n{entries}}}\n"
+        f'MODULES = {{\n{entries}}}\n"""The modules of a leg type, numeric and loops, by its key."""\n'
     )
     return files
 

@@ -7,7 +7,7 @@ The machine code lies beside the source, or in the user's cache if that folder c
 process compiles anew. Files are renamed into place, so that two processes may compile at once, and one that is damaged
 counts as missing.
 """
-# numba checks a cached function against its own file, not against those it calls; _drop_stale does.
+# numba checks a cached function against its own file, not against those that it imports; _drop_stale does.
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hexakin import installation
 from hexakin.exceptions import MissingPackageError
 
 try:
@@ -37,21 +38,17 @@ _CHECKSUM_SIZE = hashlib.sha256().digest_size
 _PATIENCE = 1.0  # [s] a cached start is faster than this
 
 
-# The rooms that hold compiled functions, each with the sources that its machine code may have been made of.
-_ROOMS = {
-    ("contact", "engines"): ("compiled.py", "contact/*.py", "engines/*.py"),
-    ("generated",): ("compiled.py", "elementary.py", "compiled_elementary.py", "generated/*.py"),
-}
-
-
 def _drop_stale() -> None:
-    """Delete cached machine code that is older than any source it may have been made of."""
-    package = Path(__file__).parent
-    for rooms, patterns in _ROOMS.items():
-        newest = max(source.stat().st_mtime for pattern in patterns for source in package.glob(pattern))
-        for index in (index for room in rooms for index in package.glob(f"{room}/__pycache__/*.nbi")):
-            with contextlib.suppress(OSError):  # read-only, or another process was faster
-                if index.stat().st_mtime < newest:
+    """Delete cached machine code that is older than any source that it may have been made of."""
+    changed = {module: source.stat().st_mtime for module, source in installation.modules().items()}
+    newest = max(changed.values(), default=0.0)
+    for index in installation.PACKAGE.rglob("__pycache__/*.nbi"):
+        with contextlib.suppress(OSError, KeyError):  # read-only, another process was faster, or no module any more
+            made = index.stat().st_mtime
+            if made < newest:  # else its imports need not be looked at
+                place = index.parent.parent.relative_to(installation.PACKAGE.parent).parts
+                module = ".".join([*place, index.name.partition(".")[0]])
+                if any(changed[name] > made for name in installation.sources([module])):
                     index.unlink()
 
 

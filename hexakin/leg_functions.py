@@ -89,10 +89,9 @@ class LegFunctions:
 @lru_cache(maxsize=64)
 def leg_functions(table: LegTable) -> LegFunctions:
     """Return the functions of a leg type: prepared ones if there are, else from the user's cache, else derived now."""
-    module = MODULES.get(table.type_key)
-    if module is not None:
-        name = f"hexakin.generated.{module}"
-        return LegFunctions(table, importlib.import_module(name), f"{name}_loops")
+    if table.type_key in MODULES:
+        numeric, loops = MODULES[table.type_key]
+        return LegFunctions(table, importlib.import_module(numeric), loops)
     from hexakin import code_cache
 
     try:

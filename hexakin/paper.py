@@ -22,7 +22,7 @@ from typing import Any
 import pandas as pd
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.robot_file import DATA
+from hexakin.installation import DATA
 from hexakin.verdicts import (
     CHANGES,
     CHOSEN,

@@ -8,13 +8,13 @@ import inspect
 import os
 import platform
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hexakin import __version__
-from hexakin.robot_file import DATA
+from hexakin import installation
+from hexakin.installation import DATA, __version__
 from hexakin.tables import Scalar
 
 Trial = Callable[..., Mapping[str, Any]]
@@ -22,26 +22,38 @@ Trial = Callable[..., Mapping[str, Any]]
 PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
 """Packages that a result may depend on; their versions are kept with it."""
 
-# Rooms that only draw, judge or store: no run's result depends on them.
-_BYSTANDERS = frozenset(
-    ["__main__", "block_faces", "charts", "figure_style", "figures", "journal", "occlusion", "paper", "report"]
-    + ["report_figures", "report_index", "report_page", "robot_page", "robot_summary"]
-    + ["factorial", "sensitivity", "__init__", "provenance", "studies", "study", "tables", "verdicts"]
-)
+_RUNNER = ("hexakin.study", "hexakin.journal", "hexakin.provenance", "hexakin.tables", "hexakin.factorial")
+"""What calls a trial and keeps its result, on which the result does not depend."""
+
+
+def made_of(trial: Trial) -> tuple[str, ...]:
+    """Names of the modules of hexakin that a trial's result depends on: what the trial's own module imports.
+
+    A trial outside hexakin may call everything; what leads to matplotlib only draws, and is left out.
+    """
+    known = installation.modules()
+    if trial.__module__ in known:
+        return tuple(installation.sources([trial.__module__], without=_RUNNER))
+    drawing = {"matplotlib"}
+    while more := {m for m in known if m not in drawing and not drawing.isdisjoint(_tops(installation.imports(m)))}:
+        drawing |= more
+    return tuple(name for name in known if name not in drawing and name not in _RUNNER)
+
+
+def _tops(names: Iterable[str]) -> set[str]:
+    """Names of modules of hexakin, and of whole packages for others."""
+    return {name if name.startswith("hexakin.") else name.partition(".")[0] for name in names}
 
 
 def provenance(trial: Trial) -> dict[str, Any]:
     """Say what a result depends on beside its arguments: function, code and package versions.
 
-    ``code`` is a digest of the trial, of hexakin's robots and of its sources, but for those that draw, judge and store.
-    Of a trial outside hexakin it is the function alone, without others that it calls.
+    ``code`` is a digest of hexakin's robots and of the code, without comments, of the modules that ``made_of`` names.
+    Of a trial outside hexakin its own function is part of it, without others that it calls.
     """
-    package = Path(__file__).parent
-    sources = [*sorted((DATA / "robots").glob("*.yaml")), *sorted(package.rglob("*.py"))]
-    digest = hashlib.sha256()
-    for source in sources:
-        if source.stem not in _BYSTANDERS:
-            digest.update(source.name.encode() + source.read_bytes().replace(b"\r\n", b"\n"))
+    digest = hashlib.sha256(installation.digest(made_of(trial)).encode())
+    for robot in sorted((DATA / "robots").glob("*.yaml")):
+        digest.update(robot.name.encode() + robot.read_bytes().replace(b"\r\n", b"\n"))
     if not trial.__module__.startswith("hexakin."):
         try:
             digest.update(inspect.getsource(trial).encode())

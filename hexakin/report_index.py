@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from hexakin import __version__, provenance
+from hexakin import provenance
 from hexakin.exceptions import MissingPackageError
+from hexakin.installation import __version__
 from hexakin.report_figures import Figure, Judged, Picture, count_verdicts
 from hexakin.report_page import Page, now, picture_file, write
 

@@ -17,16 +17,13 @@ import yaml
 from pydantic import ValidationError
 
 from hexakin.exceptions import RobotFileError, UnknownNameError
+from hexakin.installation import DATA
 from hexakin.robot import Robot
 from hexakin.robot_build import build
 from hexakin.robot_schema import FieldError, RobotFields
 
 _LARGEST = 64 * 1024  # characters: ten times the largest shipped file
 _DEEPEST = 32  # levels of nesting: a robot file has six
-
-_PACKAGE = Path(__file__).resolve().parent
-# A wheel carries data/ inside the package; a checkout has it beside the package.
-DATA = _PACKAGE / "data" if (_PACKAGE / "data").is_dir() else _PACKAGE.parent / "data"
 
 
 def robot_names() -> list[str]:

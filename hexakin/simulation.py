@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin import __version__
 from hexakin.control import Command, Controller, Observation
 from hexakin.engines import Engine, Reading, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
+from hexakin.installation import __version__
 from hexakin.kinematics import forward_kinematics, standing_height
 from hexakin.recording import Recording
 from hexakin.robot import Robot, check_robot

@@ -12,8 +12,8 @@ import pandas as pd
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.experiments import SCENARIOS, walk
+from hexakin.installation import DATA
 from hexakin.paper import summary, verdicts
-from hexakin.robot_file import DATA
 from hexakin.study import Study, grid
 from hexakin.tables import Scalar, read_table
 from hexakin.transforms import Array
