@@ -24,15 +24,18 @@ test: $(VENV)/installed
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
 	$(RUN) mypy
+	$(VENV)/bin/lint-imports
 	$(RUN) pytest -n 2 tests
 	$(RUN) pytest -n 2 --dist loadfile --nbval notebooks
 
 lab: $(VENV)/installed
 	$(RUN) jupyter lab notebooks
 
-# pdoc cannot evaluate the annotations of NamedTuples and shows them as they are written.
+# Every module by its name: pdoc leaves out those that a package's __all__ does not list. It cannot evaluate the
+# annotations of NamedTuples and shows them as they are written.
 reference: $(VENV)/installed
-	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -m pdoc --docformat numpy --output-directory report/reference hexakin
+	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -W "ignore:The module specification" -m pdoc --docformat numpy --output-directory report/reference \
+		$$($(VENV)/bin/python -c 'from hexakin.installation import modules; print(*modules(), "!hexakin.generated")')
 	@echo "Reference: report/reference/index.html"
 
 benchmarks: $(VENV)/installed

@@ -10,77 +10,62 @@ Everything is loaded when it is first used, so that importing hexakin costs next
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hexakin.installation import __version__
 
-_NAMES = {
-    "load_robot": "robot_file",
-    "Robot": "robot",
-    "forward_kinematics": "kinematics",
-    "inverse_kinematics": "kinematics",
-    "jacobian": "kinematics",
-    "PostureController": "posture",
-    "simulate": "simulation",
-    "plan_walk": "walker",
-    "WalkPlan": "walker",
-    "Recording": "recording",
-    "load_recording": "recording",
+PUBLIC = {
+    "Robot": "hexakin.robot.model:Robot",
+    "load_robot": "hexakin.robot.file:load_robot",
+    "forward_kinematics": "hexakin.kinematics.forward:forward_kinematics",
+    "inverse_kinematics": "hexakin.kinematics.inverse:inverse_kinematics",
+    "jacobian": "hexakin.kinematics.forward:jacobian",
+    "PostureController": "hexakin.control.posture:PostureController",
+    "simulate": "hexakin.simulation.closed_loop:simulate",
+    "plan_walk": "hexakin.walking.planner:plan_walk",
+    "WalkPlan": "hexakin.motion.walk_plan:WalkPlan",
+    "Recording": "hexakin.motion.recording:Recording",
+    "load_recording": "hexakin.motion.recording:load_recording",
+    "animation": "hexakin.animation",
+    "contact": "hexakin.contact",
+    "dynamics": "hexakin.dynamics",
+    "engines": "hexakin.engines",
+    "exceptions": "hexakin.exceptions",
+    "experiments": "hexakin.papers.scenarios",
+    "feasibility": "hexakin.feasibility",
+    "figures": "hexakin.figures",
+    "gait": "hexakin.walking.gait",
+    "kinematics": "hexakin.kinematics",
+    "measures": "hexakin.motion.measures",
+    "paper": "hexakin.papers.statements",
+    "posture": "hexakin.control.posture",
+    "rising": "hexakin.control.standing_up",
+    "sliders": "hexakin.figures.sliders",
+    "stability": "hexakin.stability",
+    "stance": "hexakin.stability.stance",
+    "steering": "hexakin.control.steering",
+    "studies": "hexakin.papers.studies",
+    "study": "hexakin.study",
+    "support_region": "hexakin.stability.support_region",
+    "swing": "hexakin.walking.swing",
+    "symbolic": "hexakin.symbolic",
+    "terrain": "hexakin.terrain",
+    "transforms": "hexakin.transforms",
+    "urdf": "hexakin.robot.urdf",
+    "walker": "hexakin.walking.planner",
 }
-_MODULES = (
-    "animation", "contact", "dynamics", "engines", "exceptions", "experiments", "feasibility", "figures", "gait",
-    "kinematics", "measures", "paper", "posture", "rising", "sliders", "stability", "stance", "steering", "studies",
-    "study", "support_region", "swing", "symbolic", "terrain", "transforms", "urdf", "walker",
-)  # fmt: skip
+"""Public names and where they are: a module, or ``module:name`` for what is in one."""
 
-if TYPE_CHECKING:
-    from hexakin import (
-        animation,
-        contact,
-        dynamics,
-        engines,
-        exceptions,
-        experiments,
-        feasibility,
-        figures,
-        gait,
-        kinematics,
-        measures,
-        paper,
-        posture,
-        rising,
-        sliders,
-        stability,
-        stance,
-        steering,
-        studies,
-        study,
-        support_region,
-        swing,
-        symbolic,
-        terrain,
-        transforms,
-        urdf,
-        walker,
-    )
-    from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian
-    from hexakin.posture import PostureController
-    from hexakin.recording import Recording, load_recording
-    from hexakin.robot import Robot
-    from hexakin.robot_file import load_robot
-    from hexakin.simulation import simulate
-    from hexakin.walker import WalkPlan, plan_walk
-
-__all__ = [*_NAMES, *_MODULES]
+__all__ = ["__version__", *PUBLIC]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _NAMES:
-        value = getattr(importlib.import_module(f"hexakin.{_NAMES[name]}"), name)
-    elif name in _MODULES:
-        value = importlib.import_module(f"hexakin.{name}")
-    else:
+    if name not in PUBLIC:
         raise AttributeError(f"module 'hexakin' has no attribute {name!r}")
+    module, _, attribute = PUBLIC[name].partition(":")
+    value: Any = importlib.import_module(module)
+    if attribute:
+        value = getattr(value, attribute)
     globals()[name] = value
     return value
 

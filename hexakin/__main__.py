@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from hexakin.exceptions import HexakinError, StudyError, UnknownNameError
 
 if TYPE_CHECKING:
-    from hexakin.study import Study
+    from hexakin.study.runner import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,7 +55,8 @@ hexakin.study.Study (or a function that returns one) in a module that can be imp
 
 
 def _study(options: argparse.Namespace) -> int:
-    from hexakin import studies, study
+    from hexakin import study
+    from hexakin.papers import studies
 
     if not options.names:
         for name, make in studies.STUDIES.items():
@@ -80,10 +81,10 @@ that is possible (0) a summary is printed: masses, inertias, reach, standing pos
 
 
 def _robot(options: argparse.Namespace) -> int:
-    from hexakin.robot_file import load_robot, robot_names
+    from hexakin.robot.file import load_robot, robot_names
 
     if options.schema:
-        from hexakin.robot_page import page
+        from hexakin.robot.schema_page import page
 
         print(page(), end="")
     elif options.file is None:
@@ -97,15 +98,15 @@ def _robot(options: argparse.Namespace) -> int:
 
 
 def _statements(_: argparse.Namespace) -> int:
-    from hexakin import studies
+    from hexakin.papers import results
 
-    print(studies.statements_table(), end="")
+    print(results.statements_table(), end="")
     return 0
 
 
 def _imported(name: str) -> Study:
     """The study that MODULE:STUDY names."""
-    from hexakin.study import Study, fault
+    from hexakin.study.runner import Study, fault
 
     module_name, _, attribute = name.partition(":")
     doing = f"importing {module_name}"

@@ -13,18 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError, MissingPackageError
-from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot, check_robot
-from hexakin.transforms import Array, check_array
+from hexakin.robot.leg_table import NUM_JOINTS
+from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot, check_robot
 
 try:
     import coal  # noqa: F401 (for the rigid engine)
     import pinocchio as pin
 except ImportError as error:
     raise MissingPackageError("pinocchio", "the dynamics", "pip install pin") from error
-
-GRAVITY = 9.81
-"""Gravitational acceleration [m/s^2]."""
 
 FOOT_SPRING_RATE = 9.28e3
 """Rate of ATHENA's foot springs [N/m] (A section 2.1, which prints N m)."""

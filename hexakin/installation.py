@@ -40,8 +40,9 @@ def imports(module: str) -> frozenset[str]:
         if isinstance(node, ast.Import):
             named |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            # The name behind ``import`` is a module's, or that of something in one.
-            named |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            # What is imported from a package may be a module of it.
+            inner = {f"{node.module}.{alias.name}" for alias in node.names} & known.keys()
+            named |= inner if len(inner) == len(node.names) else {node.module, *inner}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in known:
             named.add(node.value)
     # The face of hexakin itself only maps names to modules.

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hexakin.gait import tripod
-from hexakin.kinematics import forward_kinematics, standing_height
-from hexakin.leg_functions import closed_form, reach
-from hexakin.robot import SEGMENT_NAMES, Body, Robot
-from hexakin.robot_checks import most_inertia, principal_moments
-from hexakin.stability import margin as edge_distance
-from hexakin.stability import support_polygon
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.kinematics.leg_functions import closed_form, reach
+from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
+from hexakin.robot.plausibility import most_inertia, principal_moments
+from hexakin.stability.polygon import margin as edge_distance
+from hexakin.stability.polygon import support_polygon
+from hexakin.walking.gait import tripod
 
 _LEVEL = 1e-3  # [m] between the highest and the lowest foot of the standing pose
 _MARGIN = np.deg2rad(1.0)  # of a joint in the standing pose
@@ -141,7 +141,7 @@ def _leg_remarks(robot: Robot) -> Iterator[str]:
         yield f"legs: legs {one + 1} and {other + 1} start at the same place"
     yield from _tripod_remarks(robot)
     stretched = float(np.linalg.norm(robot.fixed_poses(0)[1:, :3, 3], axis=-1).sum())
-    strength = robot.servo.max_torque / (robot.mass * 9.81 * stretched)
+    strength = robot.servo.max_torque / (robot.weight * stretched)
     if not _STRENGTH[0] <= strength <= _STRENGTH[1]:
         need = f"{strength:.3g} of what one stretched leg needs to carry the robot"
         yield f"servo.max_torque: {robot.servo.max_torque:g} N m is {need}; is it in N m?"

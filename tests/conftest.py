@@ -3,7 +3,7 @@ import pytest
 import yaml
 
 import hexakin as hk
-from hexakin.robot_file import DATA
+from hexakin.installation import DATA
 
 
 @pytest.fixture(scope="session", autouse=True)

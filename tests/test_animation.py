@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 import hexakin as hk
 from hexakin.animation import animate
-from hexakin.animation_ground import ground_surfaces
+from hexakin.animation.ground import ground_surfaces
 from hexakin.exceptions import InvalidInputError, MissingPackageError, UnknownNameError
-from hexakin.feasibility.motion import motion_of
 from hexakin.kinematics import segment_poses
-from hexakin.stability import support_polygon
+from hexakin.motion.motion import motion_of
+from hexakin.stability.polygon import support_polygon
 from hexakin.terrain import Blocks, HeightField, LegCurves, Plane, Ramp
 from hexakin.transforms import transform_points
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from hexakin.array_code import ANGLE_ROWS, array_code
-from hexakin.code_program import angle
-from hexakin.elementary import angle as angle_of_arrays
+from hexakin.numerics.trigonometry import angle as angle_of_arrays
+from hexakin.symbolic.numpy_code import ANGLE_ROWS, array_code
+from hexakin.symbolic.program import angle
 
 a, b, c, s, t, u = sp.symbols("a b c s t u", real=True)
 VALUES = {"a": 0.3, "b": -0.7, "c": 1.9, "s": 0.4, "k": 2.5}

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin import batch_kinematics, code_cache
 from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics import BRANCH_SIGNS
-from hexakin.leg_functions import leg_functions
-from hexakin.robot import DHRow, LegTable
+from hexakin.kinematics import BRANCH_SIGNS, code_cache, evaluation
+from hexakin.kinematics.leg_functions import leg_functions
+from hexakin.robot.leg_table import DHRow, LegTable, pi_multiple
 
 CODES = ("scalar", "arrays", "loops")
 
@@ -27,10 +26,10 @@ def code(request, monkeypatch):
     """Make every call use one of the three codes."""
     if request.param == "loops":
         pytest.importorskip("numba")
-        monkeypatch.setattr(batch_kinematics, "_loops", lambda functions, _: functions.loops)
+        monkeypatch.setattr(evaluation, "_loops", lambda functions, _: functions.loops)
     else:
-        monkeypatch.setattr(batch_kinematics, "_loops", lambda *_: None)
-    monkeypatch.setattr(batch_kinematics, "FEW", 10**9 if request.param == "scalar" else 0)
+        monkeypatch.setattr(evaluation, "_loops", lambda *_: None)
+    monkeypatch.setattr(evaluation, "FEW", 10**9 if request.param == "scalar" else 0)
     return request.param
 
 
@@ -46,7 +45,7 @@ def plain_forward(robot, q):
     for leg in range(robot.num_legs):
         place, axes = np.zeros((*q.shape[:-2], 3), kind), np.broadcast_to(np.eye(3, dtype=kind), (*q.shape[:-2], 3, 3))
         for motion, entry in robot.table.motions:
-            exact = hk.robot.pi_multiple(entry)
+            exact = pi_multiple(entry)
             if entry in robot.table.joints:
                 value = q[..., leg, robot.table.joints.index(entry)]
             elif exact is not None:
@@ -128,8 +127,8 @@ def test_the_three_codes_agree_on_every_result(robot, rng, monkeypatch):
     foot = hk.forward_kinematics(robot, q) + rng.normal(0.0, 0.03, q.shape)
     found = {}
     for code in CODES:
-        monkeypatch.setattr(batch_kinematics, "_loops", lambda f, _, code=code: f.loops if code == "loops" else None)
-        monkeypatch.setattr(batch_kinematics, "FEW", 10**9 if code == "scalar" else 0)
+        monkeypatch.setattr(evaluation, "_loops", lambda f, _, code=code: f.loops if code == "loops" else None)
+        monkeypatch.setattr(evaluation, "FEW", 10**9 if code == "scalar" else 0)
         every = hk.inverse_kinematics(robot, foot, branch="all")
         standing, near = hk.inverse_kinematics(robot, foot), hk.inverse_kinematics(robot, foot, near=q)
         found[code] = [hk.forward_kinematics(robot, q), hk.jacobian(robot, q)]
@@ -161,7 +160,7 @@ def test_flags_of_a_million_targets_are_those_of_the_exact_distance(athena, code
     x = foot[..., 0] - l_1 * np.cos(theta_1)
     y = foot[..., 1] - l_1 * np.sin(theta_1)
     square = (np.sqrt(x * x + y * y) - l_2) ** 2 + foot[..., 2].astype(np.longdouble) ** 2
-    tolerance = batch_kinematics.REACH_TOLERANCE * (l_3 + l_4) ** 2
+    tolerance = evaluation.REACH_TOLERANCE * (l_3 + l_4) ** 2
     room = np.minimum((l_3 + l_4) ** 2 - square, square - (l_3 - l_4) ** 2) + tolerance
     # An extended float is exact to 1e-19 here, and the code to 1e-16: no target may lie between.
     assert np.abs(room).min() > 1e-17 and (np.abs(room) < 1e-11).sum() > 100
@@ -251,7 +250,7 @@ def test_one_pose_and_small_batches_do_not_load_numba():
         "hk.inverse_kinematics(robot, foot[0]), hk.inverse_kinematics(robot, foot)\n"
         "print('numba' in sys.modules, 'sympy' in sys.modules)\n"
         "sys.modules['numba'] = None\n"
-        "from hexakin.batch_kinematics import prepare\n"
+        "from hexakin.kinematics.evaluation import prepare\n"
         "print(prepare(robot))\n"
         "print(hk.forward_kinematics(robot, np.zeros((5000, 6, 3))).shape)"
     )
@@ -263,14 +262,14 @@ def test_one_pose_and_small_batches_do_not_load_numba():
 def loops_used(athena, monkeypatch):
     """Say of a call whether it used compiled loops; nothing was prepared before."""
     pytest.importorskip("numba")
-    monkeypatch.setattr(batch_kinematics, "_prepared", set())
-    chosen, choose = [], batch_kinematics._loops
+    monkeypatch.setattr(evaluation, "_prepared", set())
+    chosen, choose = [], evaluation._loops
 
     def watched(*arguments):
         chosen.append(choose(*arguments) is not None)
         return choose(*arguments)
 
-    monkeypatch.setattr(batch_kinematics, "_loops", watched)
+    monkeypatch.setattr(evaluation, "_loops", watched)
 
     def used(call, *arguments):
         chosen.clear()
@@ -282,7 +281,7 @@ def loops_used(athena, monkeypatch):
 
 
 def test_the_size_of_a_call_decides_whether_loops_are_used(athena, loops_used, monkeypatch):
-    monkeypatch.setattr(batch_kinematics, "MANY", 6000)
+    monkeypatch.setattr(evaluation, "MANY", 6000)
     q = np.zeros((1000, 6, 3)) + athena.standing_q
     foot = hk.forward_kinematics(athena, q)
     calls = {
@@ -301,7 +300,7 @@ def test_the_size_of_a_call_decides_whether_loops_are_used(athena, loops_used, m
 def test_prepared_loops_are_used_for_batches_of_all_sizes(athena, loops_used):
     q = np.zeros((20, 6, 3))
     assert not loops_used(hk.forward_kinematics, athena, q)
-    assert batch_kinematics.prepare(athena)
+    assert evaluation.prepare(athena)
     assert loops_used(hk.forward_kinematics, athena, q)
 
 
@@ -384,7 +383,8 @@ def test_another_generator_has_another_file(cache, monkeypatch):
 
 def test_two_processes_may_derive_at_once(cache):
     code = (
-        "from hexakin.robot import DHRow, LegTable\nfrom hexakin.leg_functions import leg_functions\n"
+        "from hexakin.robot.leg_table import DHRow, LegTable\n"
+        "from hexakin.kinematics.leg_functions import leg_functions\n"
         f"from numpy import array\ntable = {TABLE!r}\n"
         "print(leg_functions(table).forward(array([0.05, 0.02, 0.1, 0.12]), array([0.1, 0.2, 0.3])).tolist())"
     )
@@ -398,8 +398,8 @@ def test_a_leg_type_of_ones_own_has_compiled_loops(cache, edited, rng, monkeypat
     raised = edited("athena", lambda tree: (
         tree["leg_table"]["rows"][1].update(d="h"), tree["leg_table"]["parameters"].update(h=0.01)
     ))  # fmt: skip
-    monkeypatch.setattr(batch_kinematics, "_prepared", set())
-    assert batch_kinematics.prepare(raised)
+    monkeypatch.setattr(evaluation, "_prepared", set())
+    assert evaluation.prepare(raised)
     q = rng.uniform(raised.q_min, raised.q_max, (500, 6, 3))
     foot = hk.forward_kinematics(raised, q)
     assert np.abs(foot - plain_forward(raised, q.astype(np.longdouble))).max() < 1e-15

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.engines.pybullet import GRAVITY, PyBulletEngine
+from hexakin.engines.pybullet_engine import GRAVITY, PyBulletEngine
 from hexakin.exceptions import InvalidInputError
-from hexakin.simulation import starting_pose
+from hexakin.simulation.closed_loop import starting_pose
 from hexakin.terrain import Blocks, Box, HalfSpace
 
 SIZES = [0.1, 0.2]

@@ -12,7 +12,7 @@ pytest.importorskip("numba")
 SOURCE = """
 import sys, numpy as np
 sys.path.insert(0, "{package}")
-from hexakin.compiled import compiled
+from hexakin.numerics.numba_cache import compiled
 
 @compiled
 def total(values):
@@ -96,7 +96,7 @@ def test_without_a_place_for_it_each_process_compiles(program, tmp_path):
 
 
 def test_a_kernel_takes_only_what_it_was_made_for():
-    from hexakin.compiled import kernel
+    from hexakin.numerics.numba_cache import kernel
 
     def doubled(values, result):
         for k in range(values.shape[0]):

@@ -5,11 +5,11 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.feasibility import distribute, programmes, statics
+from hexakin.feasibility import distribute, force_solver, statics
+from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.design import best_posture, highest_step, longest_stride, steepest_slope
-from hexakin.feasibility.legs import leg_states
 from hexakin.kinematics import standing_height
-from hexakin.swing import bezier, swing_control_points
+from hexakin.walking.swing import bezier, swing_control_points
 
 FIRST, SECOND = [0, 2, 4], [1, 3, 5]
 
@@ -150,7 +150,7 @@ def test_no_sampled_posture_needs_less_torque_than_the_best(athena, degrees):
             athena, T[None], leg_states(athena, solution.q[None]), np.ones((1, 6), dtype=bool),
             tilted(athena, slope)[:, 2], friction=0.9, facets=16, torque_unit=athena.servo.max_torque,
         )  # fmt: skip
-        share = programmes.smallest_torque(problem, 0)
+        share = force_solver.smallest_torque(problem, 0)
         best = max(best, -np.inf if share is None else athena.servo.max_torque * (1.0 - share))
     assert 0.9 * found.value < best < found.value + 1e-4
 

@@ -7,8 +7,10 @@ import pytest
 import hexakin as hk
 from hexakin import experiments, paper, studies
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
-from hexakin.robot_file import DATA
-from hexakin.verdicts import columns_of
+from hexakin.installation import DATA
+from hexakin.papers.gains import settings, swept
+from hexakin.papers.results import five_numbers, load_results
+from hexakin.papers.verdicts import columns_of
 
 # speed.csv is no study's table: tests/test_benchmarks.py.
 RESULTS = sorted({path.stem for path in (DATA / "results").glob("*.csv")} - {"speed"})
@@ -82,7 +84,7 @@ def test_roll_gain_alone_moves_nothing(athena):
 
 def test_the_sweeps_hold_each_setting_once_and_every_repeat():
     study = studies.sweeps("testbed", count=3, engines=("rigid",))
-    assert len(studies.settings("testbed")) == 17  # simple control, 15 of single gains, the chosen ones
+    assert len(settings("testbed")) == 17  # simple control, 15 of single gains, the chosen ones
     assert len(study) == 17 * 3
     assert {(run["seed"], run["layout"]) for run in study.runs} == {(0, 0), (1, 1), (2, 2)}
     assert {run["layout"] for run in studies.sweeps("ramp").runs} == {0}
@@ -103,24 +105,24 @@ def table(values):
 def test_five_numbers_leave_out_repeats_that_lack_a_setting():
     runs = table({(0.0, 0): 1.0, (0.0, 1): 2.0, (1.0, 1): 3.0})
     gains = [dict(k_z=k, k_alpha=0.0, k_beta=0.0) for k in (0.0, 1.0)]
-    numbers = studies.five_numbers(runs, "height", gains)
+    numbers = five_numbers(runs, "height", gains)
     assert numbers.shape == (2, 1, 5)
     assert numbers[:, 0, 0].tolist() == [2.0, 3.0]
     runs.loc[2, "status"] = "SimulationError: fell"
     with pytest.raises(InvalidInputError, match="no start or layout"):
-        studies.five_numbers(runs, "height", gains)
+        five_numbers(runs, "height", gains)
 
 
 def test_unknown_results_and_gains_are_named():
     with pytest.raises(UnknownNameError, match="results 'none'"):
-        studies.results("none")
+        load_results("none")
     with pytest.raises(UnknownNameError, match="gain 'k_h'"):
-        studies.swept("k_h")
+        swept("k_h")
 
 
 @pytest.mark.parametrize("name", RESULTS)
 def test_committed_results_are_runs_of_the_study_of_their_name_and_say_what_made_them(name):
-    found, about = studies.results(name)
+    found, about = load_results(name)
     study = studies.STUDIES[name]()
     arguments = list(study.runs[0])
     wanted = {tuple(run[a] for a in arguments) for run in study.runs}
@@ -133,7 +135,7 @@ def test_committed_results_are_runs_of_the_study_of_their_name_and_say_what_made
 
 
 def test_a_committed_run_can_be_repeated():
-    found, _ = studies.results("ramp_sweeps")
+    found, _ = load_results("ramp_sweeps")
     row = found[(found.engine == "rigid") & (found.k_z == 0.8) & (found.k_alpha == 0) & (found.seed == 0)].iloc[0]
     arguments = {name: row[name] for name in studies.sweeps("ramp").runs[0]}
     again = experiments.walk(**{n: v.item() if hasattr(v, "item") else v for n, v in arguments.items()})

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.factorial import cells, standing, variance_shares
+from hexakin.study.factorial import cells, standing, variance_shares
 
 
 def test_an_additive_response_has_no_interactions(rng):

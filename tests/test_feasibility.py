@@ -7,8 +7,8 @@ from scipy.optimize import linprog, nnls
 import hexakin as hk
 from hexakin import dynamics
 from hexakin.exceptions import InvalidInputError, SolverError, UnknownNameError
-from hexakin.feasibility import Motion, check, checks, commanded_walk, distribute, forces, programmes, statics
-from hexakin.feasibility.legs import leg_states
+from hexakin.feasibility import Motion, check, checks, commanded_walk, distribute, force_solver, forces, statics
+from hexakin.feasibility.casadi_legs import leg_states
 
 ROBOTS = ("athena", "athena_physical", "hwr")
 FACETS = 16
@@ -179,7 +179,7 @@ def test_friction_needed_on_a_slope_is_its_tangent(athena, slope):
 
 
 def test_a_failed_solver_is_not_taken_for_infeasible(athena, monkeypatch):
-    optimum = programmes.optimum
+    optimum = force_solver.optimum
 
     def fails(which):
         def broken(programme, name):
@@ -190,11 +190,11 @@ def test_a_failed_solver_is_not_taken_for_infeasible(athena, monkeypatch):
 
     arguments = standing(athena, np.eye(4), n=3)
     right = distribute(athena, *arguments)
-    monkeypatch.setattr(programmes, "optimum", fails(["daqp"]))
+    monkeypatch.setattr(force_solver, "optimum", fails(["daqp"]))
     rescued = distribute(athena, *arguments)
     assert rescued.feasible.all()
     np.testing.assert_allclose(rescued.cost, right.cost, rtol=1e-7)
-    monkeypatch.setattr(programmes, "optimum", fails(["daqp", "piqp"]))
+    monkeypatch.setattr(force_solver, "optimum", fails(["daqp", "piqp"]))
     with pytest.raises(SolverError, match="instant 0"):
         distribute(athena, *arguments)
 
@@ -213,7 +213,7 @@ def test_a_robot_that_tips_is_not_said_to_slide_because_its_feet_are_not_quite_i
     problem = statics.static_problem(
         athena, T, leg_states(athena, q), carrying, [0.0, 0.0, 1.0], friction=0.9, facets=16, torque_unit=1.0
     )
-    assert programmes.smallest_torque(problem, 0, np.array([[0.0, 0.0, -1.0]])) is not None, "wedged"
+    assert force_solver.smallest_torque(problem, 0, np.array([[0.0, 0.0, -1.0]])) is not None, "wedged"
     assert distribute(athena, T, q, carrying, max_torque=np.inf).outcome[0] == "support"
 
 

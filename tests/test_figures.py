@@ -16,12 +16,12 @@ from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from hexakin import figures
-from hexakin.block_faces import BlockFaces, SolidFaces, eye_of
 from hexakin.exceptions import InvalidInputError
-from hexakin.gait import GAITS
-from hexakin.occlusion import cut_hidden, hiding_planes
-from hexakin.simulation import starting_pose
+from hexakin.figures.occlusion import cut_hidden, hiding_planes
+from hexakin.figures.solids_3d import BlockFaces, SolidFaces, eye_of
+from hexakin.simulation.closed_loop import starting_pose
 from hexakin.terrain import Blocks, Box, HalfSpace, Plane, Ramp
+from hexakin.walking.gait import GAITS
 
 LEVELS = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
 ROUGH = Blocks(size=0.1, max_step=None, extent=(-0.2, 0.2, -0.2, 0.2), level=0.0, seed=3)  # 5 x 5 blocks

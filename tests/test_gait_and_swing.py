@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.swing import bezier, stance_line, swing_control_points
+from hexakin.walking.swing import bezier, stance_line, swing_control_points
 
 
 def test_every_leg_swings_once_a_cycle_and_neighbours_alternate(athena):

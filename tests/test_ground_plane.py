@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.ground_plane import (
+from hexakin.control.ground_plane import (
     MIN_SLENDERNESS,
     ground_plane,
     slenderness,

@@ -13,14 +13,16 @@ import pytest
 from hexakin import installation
 
 PACKAGE = installation.PACKAGE
-WALK = "from hexakin.experiments import walk"
+WALK = "from hexakin.papers.scenarios import walk"
 
 
 def test_imports_in_functions_and_modules_named_by_strings_count():
-    assert "hexakin.code_generation" in installation.imports("hexakin.code_cache")
-    assert {"hexakin.engines.rigid", "hexakin.engines.pybullet"} <= installation.imports("hexakin.engines")
+    assert "hexakin.symbolic.generate" in installation.imports("hexakin.kinematics.code_cache")
+    assert {"hexakin.engines.rigid_engine", "hexakin.engines.pybullet_engine"} <= installation.imports(
+        "hexakin.engines"
+    )
     assert "hexakin.generated.athena_loops" in installation.imports("hexakin.generated")
-    assert "numba" in installation.imports("hexakin.compiled")
+    assert "numba" in installation.imports("hexakin.numerics.numba_cache")
 
 
 def test_every_import_names_a_module_that_exists():
@@ -44,15 +46,16 @@ print(json.dumps(sorted({{file for file, _, function in pstats.Stats(profile).st
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     ran = {Path(file) for file in json.loads(run.stdout.splitlines()[-1]) if file.startswith(str(PACKAGE))}
-    engine_file = installation.modules()[f"hexakin.engines.{engine}"]
+    engine_file = installation.modules()[f"hexakin.engines.{engine}_engine"]
     assert engine_file in ran and len(ran) > 15
-    assert ran <= set(installation.sources(["hexakin.experiments"]).values())
+    assert ran <= set(installation.sources(["hexakin.papers.scenarios"]).values())
 
 
 STALE = f"""
 import importlib, json
-from hexakin import code_cache, compiled
-from hexakin.provenance import provenance
+from hexakin.kinematics import code_cache
+from hexakin.numerics import numba_cache
+from hexakin.study.provenance import provenance
 {WALK}
 def own(): pass
 print(json.dumps([provenance(walk)["code"], provenance(own)["code"], code_cache._generator()]))
@@ -70,7 +73,7 @@ def copied(tmp_path_factory):
     return root, *what_is_known(root, time.time() + 10.0)
 
 
-MACHINE_CODE = ("contact.cone", "engines.moreau", "engines.box_touch", "generated.athena_loops")
+MACHINE_CODE = ("contact.cone", "engines.moreau_step", "engines.box_contacts", "generated.athena_loops")
 
 
 def machine_code(root, module):
@@ -111,32 +114,38 @@ def changed(text):
     return text + "\n_ADDED = 1\n"
 
 
-@pytest.mark.parametrize("file", ["figures.py", "sliders.py", "animation_scene.py", "block_faces.py", "report_page.py"])
+DRAWING = ("figures/robot_3d.py", "figures/sliders.py", "figures/solids_3d.py", "animation/scene.py", "report/page.py")
+
+
+@pytest.mark.parametrize("file", DRAWING)
 def test_a_comment_in_a_module_that_draws_makes_nothing_stale(copied, file):
     assert stale_after(copied, file, commented) == set()
 
 
-@pytest.mark.parametrize("file", ["figures.py", "charts.py", "study.py"])
+@pytest.mark.parametrize("file", ["figures/robot_3d.py", "figures/charts.py", "study/runner.py"])
 def test_a_change_in_a_module_that_draws_or_runs_studies_makes_nothing_stale(copied, file):
     assert stale_after(copied, file, changed) == set()
 
 
-@pytest.mark.parametrize("file", ["robot.py"])
-def test_a_change_of_the_robot_makes_everything_stale_that_knows_it(copied, file):
-    assert {"walk", "own", "leg type"} <= stale_after(copied, file, changed)
+@pytest.mark.parametrize("file, knowing", [("model.py", set()), ("leg_table.py", {"leg type"})])
+def test_a_change_of_the_robot_makes_stale_what_knows_it(copied, file, knowing):
+    stale = stale_after(copied, f"robot/{file}", changed)
+    assert stale == {"walk", "own", "engines.box_contacts"} | knowing
 
 
 def test_a_change_of_an_engine_makes_walks_and_its_machine_code_stale(copied):
-    assert stale_after(copied, "engines/stepper.py", changed) == {"walk", "own"}
-    assert stale_after(copied, "engines/collision.py", changed) == {
+    assert stale_after(copied, "engines/moreau_stepper.py", changed) == {"walk", "own"}
+    assert stale_after(copied, "engines/ground_contacts.py", changed) == {
         "walk",
         "own",
-        "engines.moreau",
-        "engines.box_touch",
+        "engines.moreau_step",
+        "engines.box_contacts",
     }
-    assert stale_after(copied, "contact/cone.py", changed) == {"walk", "own", "contact.cone", "engines.moreau"}
+    assert stale_after(copied, "contact/cone.py", changed) == {"walk", "own", "contact.cone", "engines.moreau_step"}
 
 
 def test_a_comment_or_a_docstring_leaves_results_valid(copied):
-    assert stale_after(copied, "posture.py", commented) == set()
-    assert stale_after(copied, "posture.py", lambda text: text.replace('"""', '"""In other words: ', 1)) == set()
+    assert stale_after(copied, "control/posture.py", commented) == set()
+    assert (
+        stale_after(copied, "control/posture.py", lambda text: text.replace('"""', '"""In other words: ', 1)) == set()
+    )

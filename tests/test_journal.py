@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from hexakin.exceptions import StudyError
-from hexakin.journal import Journal, alone, read, set_aside, write_whole
+from hexakin.study.journal import Journal, alone, read, set_aside, write_whole
 
 RECORDS = [{"run": {"seed": k}, "result": {"x": k / 7, "said": "a, b\nc"}} for k in range(3)]
 
@@ -78,7 +78,7 @@ def test_a_file_of_another_kind_is_refused_and_left_as_it_is(tmp_path, foreign):
 
 def test_a_journal_of_another_format_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "a.journal"
-    monkeypatch.setattr("hexakin.journal._FORMAT", "hexakin-journal-2")
+    monkeypatch.setattr("hexakin.study.journal._FORMAT", "hexakin-journal-2")
     with Journal(path) as journal:
         journal.append({"run": 1})
     monkeypatch.undo()
@@ -144,7 +144,7 @@ def test_files_that_may_not_be_opened_are_named(path, monkeypatch):
 HOLD = """
 import sys, time
 from pathlib import Path
-from hexakin.journal import alone
+from hexakin.study.journal import alone
 with alone(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)
@@ -177,7 +177,7 @@ FULL = """
 import json, resource, sys
 from pathlib import Path
 from hexakin.exceptions import StudyError
-from hexakin.journal import Journal, read, write_whole
+from hexakin.study.journal import Journal, read, write_whole
 
 path = Path(sys.argv[1])
 free = resource.getrlimit(resource.RLIMIT_FSIZE)

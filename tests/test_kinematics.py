@@ -139,7 +139,7 @@ def test_wrong_shapes_and_options_are_named(athena):
 def test_a_leg_type_that_is_not_shipped_is_derived_when_used(tmp_path, athena, rng):
     import yaml
 
-    from hexakin.robot_file import DATA
+    from hexakin.installation import DATA
 
     tree = yaml.safe_load((DATA / "robots" / "athena.yaml").read_text())
     tree["leg_table"]["rows"][1]["d"] = "h"

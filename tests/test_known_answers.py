@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hexakin as hk
-from hexakin.dynamics import GRAVITY as G
-from hexakin.engines.scenes import Ball, Block, free_bodies
-from hexakin.engines.stepper import MoreauStepper
+from hexakin.engines.free_bodies import Ball, Block, free_bodies
+from hexakin.engines.moreau_stepper import MoreauStepper
 from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.robot.model import GRAVITY as G
 from hexakin.terrain import Plane, Ramp
 
 

@@ -7,12 +7,12 @@ import time
 
 import pytest
 
-from hexakin import journal
 from hexakin.__main__ import main
 from hexakin.exceptions import StudyError
-from hexakin.robot_file import DATA
-from hexakin.studies import STUDIES
-from hexakin.study import run
+from hexakin.installation import DATA
+from hexakin.papers.studies import STUDIES
+from hexakin.study import journal
+from hexakin.study.runner import run
 
 MINE = """
 import os, time

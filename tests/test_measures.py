@@ -5,7 +5,7 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError
-from hexakin.measures import body_rates, per_cycle, quartiles, rms
+from hexakin.motion.measures import body_rates, per_cycle, quartiles, rms
 
 
 def test_root_mean_square_and_quartiles_of_known_samples():

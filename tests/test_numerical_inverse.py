@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin import numerical_inverse
 from hexakin.exceptions import UnreachableError
-from hexakin.kinematics import path_inverse_kinematics, posed_inverse_kinematics, standing_branch
-from hexakin.leg_functions import closed_form, reach
+from hexakin.kinematics import numerical, path_inverse_kinematics, posed_inverse_kinematics, standing_branch
+from hexakin.kinematics.leg_functions import closed_form, reach
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def test_it_finds_the_same_solutions_as_the_closed_form(name, rng):
     q = rng.uniform(robot.q_min, robot.q_max, (100, 6, 3))
     foot = hk.forward_kinematics(robot, q)
     known = hk.inverse_kinematics(robot, foot, branch="all")
-    found = numerical_inverse.solve(robot, foot).q
+    found = numerical.solve_numerically(robot, foot).q
     gap = turned(known.q[..., :, None, :], found[..., None, :, :])
     assert (np.nanmin(np.nan_to_num(gap, nan=9.0), axis=-1)[known.reachable] < 1e-6).all()
     assert np.array_equal(np.isfinite(found).all(axis=-1).sum(axis=-1), known.reachable.sum(axis=-1))

@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 import hexakin as hk
+from hexakin.control.steering import SteeringController, Twist
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility import check, commanded_walk, longest_stride
-from hexakin.gait import in_groups, wave
 from hexakin.kinematics import standing_height
-from hexakin.robot_file import robot_from_tree
-from hexakin.steering import SteeringController, Twist
+from hexakin.robot.file import robot_from_tree
+from hexakin.walking.gait import in_groups, wave
 
 ROOT = Path(__file__).resolve().parent.parent
 PLANE = hk.terrain.Plane()

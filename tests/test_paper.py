@@ -7,20 +7,9 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.paper import (
-    CHOSEN,
-    LEVELS,
-    Statement,
-    change_percent,
-    claim,
-    counts,
-    judge,
-    robustness,
-    statements,
-    summary,
-    verdicts,
-)
-from hexakin.verdicts import columns_of
+from hexakin.papers.gains import CHOSEN, GAIN_LEVELS
+from hexakin.papers.statements import claim, counts, robustness, statements, summary, verdicts
+from hexakin.papers.verdicts import Statement, change_percent, columns_of, judge
 
 HEADER = "id,figure,scenario,factor,at,measure,statistic,kind,value,tolerance,wording\n"
 
@@ -112,7 +101,7 @@ def test_the_effect_of_a_direction_is_that_of_the_level_least_in_favour():
 
 @pytest.mark.parametrize("kind, sign", [("highest", 1.0), ("lowest", -1.0)])
 def test_the_named_levels_must_be_exactly_the_most_extreme_of_all_six(kind, sign):
-    table = runs({level: (2.0 + sign * level) * SPREAD for level in LEVELS})
+    table = runs({level: (2.0 + sign * level) * SPREAD for level in GAIN_LEVELS})
     top = judge(statement(kind, at=(0.8, 1.0)), table)
     assert top.verdict == "reproduced" and top.agreement == 1.0
     assert top.effect == pytest.approx(100.0 * (sign * 0.9 - sign * 0.3) / (2.0 + sign * 0.3))
@@ -204,7 +193,7 @@ def whole_study(engines=("pybullet", "rigid"), steps=(0.001,), seeds=3):
     """A table with every run that the paper's statements need; its numbers are random but repeatable."""
     rng = np.random.default_rng(0)
     gains = {(0.0, 0.0, 0.0)}
-    gains |= {tuple(level if i == k else 0.0 for i in range(3)) for k in range(3) for level in LEVELS}
+    gains |= {tuple(level if i == k else 0.0 for i in range(3)) for k in range(3) for level in GAIN_LEVELS}
     rows = []
     for scenario in ("ramp", "testbed"):
         for engine, step, seed, g in itertools.product(

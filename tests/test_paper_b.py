@@ -6,8 +6,8 @@ import sympy as sp
 
 import hexakin as hk
 from hexakin.kinematics import path_inverse_kinematics, posed_inverse_kinematics
-from hexakin.swing import adapted_cycloid, step_geometry
 from hexakin.transforms import inverse_pose, pose, rotation_between, rpy_rotation, transform_points
+from hexakin.walking.swing import adapted_cycloid, step_geometry
 
 
 @pytest.fixture(scope="module")

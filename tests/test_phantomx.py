@@ -5,10 +5,10 @@ import pytest
 
 import hexakin as hk
 from hexakin import dynamics
-from hexakin.engines.rigid import RigidEngine
+from hexakin.engines.rigid_engine import RigidEngine
 from hexakin.generated import MODULES
 from hexakin.kinematics import standing_height
-from hexakin.simulation import starting_pose
+from hexakin.simulation.closed_loop import starting_pose
 
 
 @pytest.fixture(scope="module")

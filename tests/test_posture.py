@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.control import Observation
+from hexakin.control.interface import Observation
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 
 RATE = 20.0

@@ -5,9 +5,9 @@ import pytest
 
 import hexakin as hk
 from hexakin.engines import engine_class
-from hexakin.engines.pybullet import GRAVITY, PyBulletEngine
+from hexakin.engines.pybullet_engine import GRAVITY, PyBulletEngine
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.simulation import starting_pose, torso_height
+from hexakin.simulation.closed_loop import starting_pose, torso_height
 from hexakin.transforms import pose
 
 

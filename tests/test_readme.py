@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from hexakin import studies
-from hexakin.robot_file import robot_names
+from hexakin.papers.results import load_results, statements_table
+from hexakin.robot.file import robot_names
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -63,11 +64,14 @@ def test_a_notebook_is_stored_executed_in_order_and_without_errors(name):
 def test_the_commands_without_make_are_the_makefiles():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     recipe = makefile.split("test: $(VENV)/installed\n")[1].split("\n\n")[0]
-    commands = [line.strip().replace("$(RUN)", ".venv/bin/python -m") for line in recipe.splitlines()]
+    commands = [
+        line.strip().replace("$(RUN)", ".venv/bin/python -m").replace("$(VENV)", ".venv")
+        for line in recipe.splitlines()
+    ]
     block = README.split("## Without make")[1].split("```")[1]
     plain = [re.sub(r"\s+#.*", "", line).strip() for line in block.splitlines() if line.strip()]
     assert commands == plain[-len(commands) :]
-    assert len(commands) == 5
+    assert len(commands) == 6
 
 
 def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
@@ -119,7 +123,7 @@ def test_the_example_of_an_own_robot_walks_as_commanded_from_an_empty_folder(tmp
 def test_the_table_of_statements_is_computed_from_the_committed_results():
     """Mend it with: python -m hexakin statements."""
     _, rest = README.split("<!-- statements: python -m hexakin statements -->\n")
-    assert rest.split("<!-- end of statements -->")[0] == studies.statements_table()
+    assert rest.split("<!-- end of statements -->")[0] == statements_table()
 
 
 def test_the_readmes_study_runs_and_goes_on(tmp_path, monkeypatch, capsys):
@@ -138,11 +142,11 @@ def test_the_studies_that_the_readme_names_exist():
 
 
 def test_what_the_readme_says_of_the_grid_and_of_foresight_is_in_the_results():
-    from hexakin import limits
-    from hexakin.factorial import cells, variance_shares
+    from hexakin.papers import near_limits
+    from hexakin.study.factorial import cells, variance_shares
 
     said = " ".join(README.split())
-    grid = studies.results("ramp_grid")[0]
+    grid = load_results("ramp_grid")[0]
     names = ["k_z", "k_alpha", "k_beta"]
     shares = {
         measure: variance_shares(cells(grid, measure, names), names)
@@ -151,15 +155,15 @@ def test_what_the_readme_says_of_the_grid_and_of_foresight_is_in_the_results():
     height = 100 * shares["height_median"]["k_z"]
     start = 100 * min(shares[rate]["repeats"] for rate in ("pitch_rate_median", "roll_rate_median"))
     assert f"$k_z$ explains {height:.1f} % of the height's variance, and the start {start:.0f} % of the rates'" in said
-    walks = studies.results("ramp_limits")[0]
+    walks = load_results("ramp_limits")[0]
     walks = walks[walks.engine == "rigid"]
-    skill = limits.foresight(walks, limits.failures(walks))
+    skill = near_limits.foresight(walks, near_limits.failures(walks))
     assert f"Of {len(walks)} walks" in said and f"foretold {100 * skill.right['feasible']:.0f} % rightly" in said
     assert f"missed {100 * skill.missed['margin_polygon']:.0f} % of the failures" in said
 
 
 def test_what_the_readme_says_of_walks_by_velocity_commands_is_in_the_results():
-    table, _ = studies.results("manoeuvres")
+    table, _ = load_results("manoeuvres")
     assert (table.status == "ok").all() and (table.torso_contact == 0.0).all() and (table.num_cycles == 20).all()
     said = " ".join(README.split())
     assert f"In {len(table)} walks of 20 cycles" in said

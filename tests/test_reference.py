@@ -4,14 +4,16 @@ import subprocess
 import sys
 
 import hexakin as hk
+from hexakin.installation import modules
 
 
 def test_the_reference_has_a_page_for_each_public_module_and_the_docstrings_in_it(tmp_path):
-    command = [sys.executable, "-m", "pdoc", "--docformat", "numpy", "--output-directory", str(tmp_path), "hexakin"]
+    command = [sys.executable, "-m", "pdoc", "--docformat", "numpy", "--output-directory", str(tmp_path), *modules()]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
-    for module in hk._MODULES:
-        assert (tmp_path / "hexakin" / f"{module}.html").stat().st_size > 1000, module
+    for name, place in hk.PUBLIC.items():
+        page = tmp_path.joinpath(*place.partition(":")[0].split(".")).with_suffix(".html")
+        assert page.stat().st_size > 1000, name
     page = (tmp_path / "hexakin.html").read_text(encoding="utf-8")
     assert "inverse_kinematics" in page and "Joint angles that bring the feet" in page
-    steering = (tmp_path / "hexakin" / "steering.html").read_text(encoding="utf-8")
+    steering = (tmp_path / "hexakin" / "control" / "steering.html").read_text(encoding="utf-8")
     assert "rise_duration" in steering and "<h6" in steering, "sections of numpy's docstrings are headings"

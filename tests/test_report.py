@@ -11,10 +11,10 @@ import nbformat
 import pytest
 
 from hexakin.exceptions import InvalidInputError
-from hexakin.report import main
-from hexakin.report_figures import checks_passed, count_verdicts, figure_table, find_pictures, judged_statements
-from hexakin.report_page import mathml
-from hexakin.studies import statements_table
+from hexakin.papers.results import statements_table
+from hexakin.report.__main__ import main
+from hexakin.report.figure_table import checks_passed, count_verdicts, figure_table, find_pictures, judged_statements
+from hexakin.report.page import mathml
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = figure_table(ROOT / "README.md")

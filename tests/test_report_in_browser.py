@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 import hexakin as hk
-from hexakin.report import main
+from hexakin.report.__main__ import main
 
 ROOT = Path(__file__).resolve().parent.parent
 WALK = """

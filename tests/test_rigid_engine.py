@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.dynamics import GRAVITY
-from hexakin.engines.pybullet import PyBulletEngine
-from hexakin.engines.rigid import RigidEngine
+from hexakin.engines.pybullet_engine import PyBulletEngine
+from hexakin.engines.rigid_engine import RigidEngine
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.simulation import starting_pose, torso_height
+from hexakin.robot.model import GRAVITY
+from hexakin.simulation.closed_loop import starting_pose, torso_height
 from hexakin.transforms import pose
 
 

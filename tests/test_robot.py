@@ -8,8 +8,8 @@ import yaml
 
 import hexakin as hk
 from hexakin.exceptions import RobotFileError, UnknownNameError
-from hexakin.robot import pi_multiple
-from hexakin.robot_file import DATA
+from hexakin.installation import DATA
+from hexakin.robot.leg_table import pi_multiple
 
 ATHENA = DATA / "robots" / "athena.yaml"
 

@@ -12,8 +12,9 @@ import yaml
 import hexakin as hk
 from hexakin.exceptions import HexakinError, RobotFileError
 from hexakin.generated import MODULES
-from hexakin.robot_checks import most_inertia
-from hexakin.robot_file import DATA, robot_from_tree, robot_names
+from hexakin.installation import DATA
+from hexakin.robot.file import robot_from_tree, robot_names
+from hexakin.robot.plausibility import most_inertia
 
 TEXTS = {name: (DATA / "robots" / f"{name}.yaml").read_text(encoding="utf-8") for name in robot_names()}
 TREES = {name: yaml.safe_load(text) for name, text in TEXTS.items()}

@@ -8,10 +8,11 @@ import pytest
 import yaml
 
 import hexakin as hk
-from hexakin.leg_functions import reach
-from hexakin.robot_file import DATA, robot_from_tree, robot_names
-from hexakin.robot_page import example, page, paths
-from hexakin.robot_schema import MASS
+from hexakin.installation import DATA
+from hexakin.kinematics.leg_functions import reach
+from hexakin.robot.file import robot_from_tree, robot_names
+from hexakin.robot.schema import MASS
+from hexakin.robot.schema_page import example, page, paths
 from hexakin.robot_summary import remarks, summary
 
 ATHENA = yaml.safe_load((DATA / "robots" / "athena.yaml").read_text(encoding="utf-8"))

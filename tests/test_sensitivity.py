@@ -4,29 +4,29 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hexakin import sensitivity
 from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.papers import open_choices
 
 TRAJECTORIES = 4
-NAMES = list(sensitivity.CHOICES)
+NAMES = list(open_choices.CHOICES)
 
 
 @pytest.fixture(scope="module")
 def table():
     """Walks whose height is 1 m and 3 mm for each mm of stride, less 0.2 m if the last force is taken."""
-    runs = sensitivity.sensitivity("ramp", trajectories=TRAJECTORIES).runs
+    runs = open_choices.sensitivity("ramp", trajectories=TRAJECTORIES).runs
     rows = pd.DataFrame(list(runs)).assign(status="ok")
     return rows.assign(height=1.0 + 3.0 * rows.stride - 0.2 * (rows.force_sampling == "last"))
 
 
 def effects(table, **keywords):
-    return sensitivity.elementary_effects(
+    return open_choices.elementary_effects(
         table, "ramp", lambda simple, chosen: simple["height"], trajectories=TRAJECTORIES, **keywords
     )
 
 
 def test_neighbours_in_a_trajectory_differ_in_one_choice():
-    shares = sensitivity.points(TRAJECTORIES).reshape(TRAJECTORIES, len(NAMES) + 1, len(NAMES))
+    shares = open_choices.points(TRAJECTORIES).reshape(TRAJECTORIES, len(NAMES) + 1, len(NAMES))
     assert ((np.diff(shares, axis=1) != 0).sum(axis=2) == 1).all()
     assert ((np.diff(shares, axis=1) != 0).sum(axis=1) == 1).all(), "every choice is changed once"
 
@@ -51,9 +51,11 @@ def test_a_failed_run_takes_its_trajectory_out(table):
 
 
 def test_changes_of_one_choice_are_between_walks_that_differ_in_it_alone(table):
-    found = sensitivity.changes_of_one(table, "ramp", "stride", ["height", "stride", "apex"], trajectories=TRAJECTORIES)
+    found = open_choices.changes_of_one(
+        table, "ramp", "stride", ["height", "stride", "apex"], trajectories=TRAJECTORIES
+    )
     assert (found["stride"].high > found["stride"].low).all()
     assert (found["apex"].high == found["apex"].low).all()
     np.testing.assert_allclose(found["height"].high - found["height"].low, 3.0 * (found["stride"] @ [-1.0, 1.0]))
     with pytest.raises(UnknownNameError, match="strid"):
-        sensitivity.changes_of_one(table, "ramp", "strid", ["height"])
+        open_choices.changes_of_one(table, "ramp", "strid", ["height"])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin import stability
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.stability import centroid, margin, series, support_polygon, zero_moment_point
+from hexakin.stability.polygon import centroid, centroid_distance_and_margin, margin, support_polygon
+from hexakin.stability.time_series import series, zero_moment_point
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
 
@@ -116,7 +116,7 @@ def test_many_hulls_at_once_are_those_built_one_by_one(rng):
     feet[:40, 2] = 0.5 * (feet[:40, 0] + feet[:40, 1])  # on the line between two others
     feet[40:60] = feet[40:60, :1] + np.arange(6)[None, :, None] * [1.0, 2.0]  # all on one line
     point = rng.normal(size=(400, 2))
-    distance, edge = stability._centroid_distance_and_margin(point, feet, carrying)
+    distance, edge = centroid_distance_and_margin(point, feet, carrying)
     for k in range(400):
         polygon = support_polygon(feet[k, carrying[k]])
         assert edge[k] == pytest.approx(margin(point[k], polygon), abs=1e-12, nan_ok=True)

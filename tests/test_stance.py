@@ -7,8 +7,9 @@ import pytest
 import hexakin as hk
 from hexakin import dynamics
 from hexakin.exceptions import InvalidInputError
-from hexakin.stability import margin, support_polygon, zero_moment_point
-from hexakin.stance import Stance, energy_margin, longitudinal_margin, polygon_margin, stance_of, zmp_on_plane
+from hexakin.stability.polygon import margin, support_polygon
+from hexakin.stability.stance import Stance, energy_margin, longitudinal_margin, polygon_margin, stance_of, zmp_on_plane
+from hexakin.stability.time_series import zero_moment_point
 from hexakin.transforms import pose, rpy_rotation
 
 UP = [0.0, 0.0, 1.0]

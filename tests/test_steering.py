@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import hexakin as hk
+from hexakin.control.standing_up import lying_q
+from hexakin.control.steering import SteeringController, Twist
 from hexakin.exceptions import HexakinError, InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
 from hexakin.feasibility import commanded_walk
-from hexakin.gait import GAITS, Gait, gait_of, in_groups, wave
-from hexakin.limits import slips
-from hexakin.rising import lying_q
-from hexakin.steering import SteeringController, Twist
+from hexakin.motion.measures import slips
+from hexakin.walking.gait import GAITS, Gait, gait_of, in_groups, wave
 
 PLANE = hk.terrain.Plane()
 
@@ -182,7 +182,7 @@ def test_parameters_out_of_range_are_named(athena, name):
 def test_robots_of_four_and_eight_legs_walk(athena, legs, gait):
     import dataclasses
 
-    from hexakin.robot import Leg
+    from hexakin.robot.model import Leg
 
     angles = np.linspace(1.0, -1.0, legs // 2)
     values = [{**athena.legs[0].values, "theta_1": theta, "l_1": 0.11} for a in angles for theta in (a, np.pi - a)]
@@ -200,7 +200,7 @@ def test_robots_of_four_and_eight_legs_walk(athena, legs, gait):
 
 
 def test_a_leg_that_is_stretched_straight_stops_no_walk(athena):
-    from hexakin.control import Observation
+    from hexakin.control.interface import Observation
 
     controller = SteeringController(athena, Twist(0.0, 0.02, 0.0), rise_duration=0.0)
     straight = np.array(athena.standing_q)

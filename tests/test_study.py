@@ -17,12 +17,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hexakin import journal
 from hexakin.exceptions import ContactError, InvalidInputError, SimulationError, StudyError
-from hexakin.experiments import walk
-from hexakin.provenance import provenance
-from hexakin.study import Study, grid, run
-from hexakin.tables import NOT_COMPARED, read_table
+from hexakin.papers.scenarios import walk
+from hexakin.study import journal
+from hexakin.study.provenance import provenance
+from hexakin.study.runner import Study, grid, run
+from hexakin.study.tables import NOT_COMPARED, read_table
 
 
 def counted(folder):
@@ -372,8 +372,10 @@ def test_results_of_other_versions_or_another_function_are_refused_by_name(seven
     study, _, folder = seven
     with pytest.raises(StudyError, match=r"made by trial test_study:counted.<locals>.trial \(now test_study:.*lambda"):
         run(Study("seven", lambda seed: {}, study.runs), folder / "results", progress=False)
-    monkeypatch.setattr("hexakin.provenance.metadata.version", lambda name: "0.0" if name == "scipy" else study.name)
-    monkeypatch.setattr("hexakin.provenance.PACKAGES", ("scipy",))
+    monkeypatch.setattr(
+        "hexakin.study.provenance.metadata.version", lambda name: "0.0" if name == "scipy" else study.name
+    )
+    monkeypatch.setattr("hexakin.study.provenance.PACKAGES", ("scipy",))
     with pytest.raises(StudyError, match=r"made by versions .*scipy \d.* \(now 0.0\)"):
         run(study, folder / "results", progress=False)
     assert called(folder) == []

@@ -9,11 +9,11 @@ from scipy.optimize import linprog
 
 import hexakin as hk
 from hexakin import support_region as room
-from hexakin.dynamics import GRAVITY
 from hexakin.exceptions import InvalidInputError, SolverError
-from hexakin.stability import margin, support_polygon
-from hexakin.stance import Stance, stance_of
-from hexakin.support_region import region_margin, support, support_region
+from hexakin.robot.model import GRAVITY
+from hexakin.stability.polygon import margin, support_polygon
+from hexakin.stability.stance import Stance, stance_of
+from hexakin.stability.support_region import region_margin, support, support_region
 from hexakin.transforms import pose, rpy_rotation
 
 UP = [0.0, 0.0, 1.0]

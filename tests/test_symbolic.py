@@ -1,17 +1,16 @@
 """What sympy derives equals the paper's equations, and the generated code equals what sympy derives."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import sympy as sp
 
 import hexakin as hk
-from hexakin.code_generation import generated_files
 from hexakin.exceptions import NoClosedFormError
+from hexakin.installation import PACKAGE
 from hexakin.kinematics import BRANCH_SIGNS
-from hexakin.leg_functions import leg_functions
-from hexakin.robot import DHRow, LegTable
+from hexakin.kinematics.leg_functions import leg_functions
+from hexakin.robot.leg_table import DHRow, LegTable
+from hexakin.symbolic.__main__ import generated_files
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +86,7 @@ def test_the_inverse_solves_the_forward_equations_symbolically(leg):
 
 
 def test_the_shipped_code_is_what_the_generator_writes():
-    folder = Path(hk.symbolic.__file__).with_name("generated")
+    folder = PACKAGE / "generated"
     written = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.py")}
     assert written == generated_files()
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.dynamics import GRAVITY
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility import distribute, forces_from_torques, internal_forces, torques_from_forces
 from hexakin.kinematics import standing_height
+from hexakin.robot.model import GRAVITY
 
 N = 40
 

@@ -6,7 +6,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import hexakin as hk
-from hexakin.course import start_offset
 from hexakin.exceptions import (
     ClearanceError,
     HexakinError,
@@ -15,7 +14,8 @@ from hexakin.exceptions import (
     UnknownNameError,
     UnreachableError,
 )
-from hexakin.walker import check_plan
+from hexakin.walking.foot_tracks import start_offset
+from hexakin.walking.planner import check_plan
 
 IRREGULAR = hk.terrain.LegCurves(
     lambda s: 0.02 * np.sin(8.0 * s),

@@ -16,16 +16,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hexakin.animation_page import page_of
-from hexakin.animation_scene import SHOWN, Scene, make_scene
+from hexakin.animation.page import page_of
+from hexakin.animation.scene import SHOWN, Scene, make_scene
+from hexakin.checks import check_number, check_whole
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.feasibility.motion import Motion
-from hexakin.leg_curves import LegCurves
-from hexakin.recording import Recording
-from hexakin.robot import Robot
-from hexakin.terrain import Terrain
-from hexakin.transforms import check_number, check_whole
-from hexakin.walker import WalkPlan
+from hexakin.motion.motion import Motion
+from hexakin.motion.recording import Recording
+from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.model import Robot
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.leg_curves import LegCurves
 
 __all__ = ["Animation", "animate"]
 
@@ -120,7 +120,7 @@ class Animation:
             if ending == ".html":
                 temporary.write_text(self.html(), encoding="utf-8")
             else:
-                from hexakin.animation_frames import write_gif, write_mp4  # loads PyBullet
+                from hexakin.animation.frames import write_gif, write_mp4  # loads PyBullet
 
                 write = write_gif if ending == ".gif" else write_mp4
                 write(temporary, self.scene, self.speed, frame_rate, size)

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.spatial.transform import Rotation
 
-from hexakin.animation_scene import ARROW, EDGE, FIELD_OF_VIEW, Part, Scene
-from hexakin.engines.pybullet import pybullet
+from hexakin.animation.scene import ARROW, EDGE, FIELD_OF_VIEW, Part, Scene
+from hexakin.checks import Array
+from hexakin.engines.pybullet_engine import pybullet
 from hexakin.exceptions import MissingPackageError, SimulationError
-from hexakin.figure_style import GREEN, LEG_COLOURS, ORANGE, RED
-from hexakin.transforms import Array
+from hexakin.figures.style import GREEN, LEG_COLOURS, ORANGE, RED
 
 _FINER = 1.5  # pixels rendered to one pixel shown, along each edge: smooth edges; 2 take twice as long
 _LINE = 3  # [px] rendered: width of traces and arrows

@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from hexakin.block_faces import BlockFaces, block_columns
-from hexakin.terrain import Terrain, TriangleMesh
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.figures.solids_3d import BlockFaces
+from hexakin.terrain.base import Terrain, TriangleMesh
+from hexakin.terrain.columns import block_columns
 
 TILE = 0.1  # [m] edge of a tile of plane ground, from which lengths can be read
 

@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from hexakin.animation_scene import ARROW, EDGE, FIELD_OF_VIEW, Part, Scene
+from hexakin.animation.scene import ARROW, EDGE, FIELD_OF_VIEW, Part, Scene
+from hexakin.checks import Array
 from hexakin.exceptions import MissingPackageError
-from hexakin.figure_style import GREEN, LEG_COLOURS, ORANGE, RED
-from hexakin.kinematics import standing_height
-from hexakin.robot import SEGMENT_NAMES
-from hexakin.transforms import Array, rotation_between
+from hexakin.figures.style import GREEN, LEG_COLOURS, ORANGE, RED
+from hexakin.kinematics.forward import standing_height
+from hexakin.robot.model import SEGMENT_NAMES
+from hexakin.transforms import rotation_between
 
-_TEMPLATE = Path(__file__).with_name("animation_page.html")
+_TEMPLATE = Path(__file__).with_name("page.html")
 _DIGITS = 5  # after the point, of metres and quaternions
 _DISCRETE = 2300  # three.js: a track that keeps its value until the next
 _UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # three.js's y axis upwards

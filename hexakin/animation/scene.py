@@ -11,19 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from hexakin.animation_ground import Surface, ground_surfaces
-from hexakin.dynamics import GRAVITY
+from hexakin.animation.ground import Surface, ground_surfaces
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.feasibility.motion import Motion, motion_of
-from hexakin.figure_style import LEG_COLOURS
-from hexakin.kinematics import forward_kinematics, segment_poses, standing_height
-from hexakin.leg_curves import LegCurves
-from hexakin.recording import Recording
-from hexakin.robot import SEGMENT_NAMES, Robot, check_robot
-from hexakin.stability import support_polygon, zero_moment_point
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, inverse_pose, pose, transform_points
-from hexakin.walker import WalkPlan
+from hexakin.figures.style import LEG_COLOURS
+from hexakin.kinematics.forward import forward_kinematics, segment_poses, standing_height
+from hexakin.motion.motion import Motion, motion_of
+from hexakin.motion.recording import Recording
+from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.model import SEGMENT_NAMES, Robot, check_robot
+from hexakin.stability.polygon import support_polygon
+from hexakin.stability.time_series import zero_moment_point
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.leg_curves import LegCurves
+from hexakin.transforms import inverse_pose, pose, transform_points
 
 SHOWN = ("forces", "polygon", "zmp", "traces")
 FIELD_OF_VIEW = 40.0  # [deg] vertical, of the camera
@@ -145,7 +146,7 @@ def make_scene(
         center=center,
         eye=eye,
         # A third of the weight, a leg's share in a tripod, is as long as the body is high.
-        newtons_per_metre=robot.mass * GRAVITY / 3.0 / standing_height(robot),
+        newtons_per_metre=robot.weight / 3.0 / standing_height(robot),
     )
 
 

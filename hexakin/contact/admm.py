@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.contact.cone import impulse_scales, natural_residual
 from hexakin.dynamics import pin
 from hexakin.exceptions import InvalidInputError
-from hexakin.transforms import Array, check_array, check_number, check_whole
 
 
 class AdmmSolution(NamedTuple):

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.compiled import compiled
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.numerics.numba_cache import compiled
 
 
 @compiled

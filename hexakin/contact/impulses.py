@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.contact.cone import solve_cone
 from hexakin.contact.lcp import solve_polyhedron
-from hexakin.transforms import Array
+from hexakin.numerics.numba_cache import Whole, compiled
 
 HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
 

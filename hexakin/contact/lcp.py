@@ -23,10 +23,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.contact.cone import _velocity, impulse_scales
 from hexakin.contact.lemke import SOLVED, follow, sharpen
-from hexakin.transforms import Array
+from hexakin.numerics.numba_cache import Whole, compiled
 
 _PATHS = 4
 

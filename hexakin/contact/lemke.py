@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.contact.cone import _eliminate
-from hexakin.transforms import Array
+from hexakin.numerics.numba_cache import Whole, compiled
 
 SOLVED, RAY, TOO_LONG, INEXACT = 0, 1, 2, 3
 """How Lemke's method ends: solved, on an unbounded ray, with its pivots used up, or with a z that does not fit."""

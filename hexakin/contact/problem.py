@@ -8,10 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.compiled import announced
+from hexakin.checks import Array, check_array, check_number, check_whole, read_only
 from hexakin.contact.impulses import solve_impact
 from hexakin.exceptions import ContactError, InvalidInputError, UnknownNameError
-from hexakin.transforms import Array, check_array, check_number, check_whole, read_only
+from hexakin.numerics.numba_cache import announced
 
 LAWS = ("poisson", "newton")
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.robot import Robot
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.robot.model import Robot
 
 MIN_SLENDERNESS = 0.2
 """Smallest altitude of a usable triple over its longest side.

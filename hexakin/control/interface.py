@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.robot import Robot
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.robot.model import Robot
 
 
 class Observation(NamedTuple):

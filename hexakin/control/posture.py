@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.control import Command, Observation
+from hexakin.checks import Array, check_number, check_whole
+from hexakin.control.ground_plane import ground_plane, slope_angles, supporting_feet
+from hexakin.control.interface import Command, Observation
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.gait import Gait, tripod
-from hexakin.ground_plane import ground_plane, slope_angles, supporting_feet
-from hexakin.kinematics import forward_kinematics, inverse_kinematics, standing_height
-from hexakin.robot import Robot, check_robot
-from hexakin.swing import bezier, stance_line, swing_control_points
-from hexakin.transforms import Array, axis_rotation, check_number, check_whole
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.kinematics.inverse import inverse_kinematics
+from hexakin.robot.model import Robot, check_robot
+from hexakin.transforms import axis_rotation
+from hexakin.walking.gait import Gait, tripod
+from hexakin.walking.swing import bezier, stance_line, swing_control_points
 
 READINGS = ("as_printed", "rotate_foothold")
 STARTS = ("actual", "command")

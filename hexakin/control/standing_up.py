@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.kinematics import forward_kinematics, inverse_kinematics
-from hexakin.leg_functions import reach
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_number
-from hexakin.walker import refuse_impossible
+from hexakin.checks import Array, check_number
+from hexakin.kinematics.forward import forward_kinematics
+from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
+from hexakin.kinematics.leg_functions import reach
+from hexakin.robot.model import Robot, check_robot
 
 _WIDER = 5e-3  # [m]
 _LYING = 1e-2  # [m] between the torso and the ground, below which the robot lies, perhaps on its coxae
@@ -49,7 +49,7 @@ def footholds_to_rise_on(robot: Robot, home: Array, ground: float, lift: float =
         if solutions[-1].within_limits.all():
             feet[:, 2] = ground
             return feet
-    refuse_impossible(robot, solutions[0], np.zeros(len(heights)))
+    raise_if_impossible(robot, solutions[0], np.zeros(len(heights)))
     raise AssertionError("one of them was within the limits")
 
 

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.control import Command, Observation
+from hexakin.checks import Array, check_number
+from hexakin.control.interface import Command, Observation
+from hexakin.control.standing_up import footholds_to_rise_on, lies
 from hexakin.exceptions import InvalidInputError
-from hexakin.gait import Gait, gait_of
-from hexakin.kinematics import forward_kinematics, inverse_kinematics, jacobian, joint_axes, standing_height
-from hexakin.rising import footholds_to_rise_on, lies
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, axis_rotation, check_number
-from hexakin.walker import refuse_impossible
+from hexakin.kinematics.forward import forward_kinematics, jacobian, joint_axes, standing_height
+from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
+from hexakin.robot.model import Robot, check_robot
+from hexakin.transforms import axis_rotation
+from hexakin.walking.gait import Gait, gait_of
 
 _AT_HOME = 1e-4  # [m]
 _STILL = 1e-6  # [m/s], at a foot
@@ -137,7 +138,7 @@ class SteeringController:
         half = 0.5 * self._gait.duty_factor * self.cycle_duration
         ends = np.array([*(_moved(self, twist, self.home, t) for t in (-half, half)), self.home + [0, 0, self.apex]])
         solution = inverse_kinematics(self.robot, ends)
-        refuse_impossible(self.robot, solution, np.array([-half, half, 0.0]))
+        raise_if_impossible(self.robot, solution, np.array([-half, half, 0.0]))
 
 
 class SteeringRun:

@@ -8,8 +8,8 @@ from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import UnknownNameError
 
 ENGINES = {
-    "pybullet": ("hexakin.engines.pybullet", "PyBulletEngine"),
-    "rigid": ("hexakin.engines.rigid", "RigidEngine"),
+    "pybullet": ("hexakin.engines.pybullet_engine", "PyBulletEngine"),
+    "rigid": ("hexakin.engines.rigid_engine", "RigidEngine"),
 }
 """Name -> (module, class)."""
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from hexakin.robot import Robot
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.robot.model import Robot
+from hexakin.terrain.base import Terrain
 
 
 class Reading(NamedTuple):

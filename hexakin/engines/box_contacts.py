@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.dynamics import coal, pin
-from hexakin.engines.collision import Contacts
-from hexakin.engines.ground import Ground
+from hexakin.engines.ground_contacts import Contacts
+from hexakin.engines.ground_grid import Ground
 from hexakin.engines.shapes import Cuboid, Sphere
-from hexakin.transforms import Array
+from hexakin.numerics.numba_cache import Whole, compiled
 
 _FLUSH = 1e-3  # [m] how far from the deepest point two faces count as facing each other
 

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hexakin.dynamics import GRAVITY, pin
+from hexakin.checks import check_array, check_number
+from hexakin.dynamics import pin
 from hexakin.engines.shapes import Cuboid, Sphere
-from hexakin.transforms import check_array, check_number
+from hexakin.robot.model import GRAVITY
 
 
 class Ball(NamedTuple):

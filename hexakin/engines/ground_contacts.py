@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.compiled import Whole, compiled
-from hexakin.engines.ground import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.engines.ground_grid import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
+from hexakin.numerics.numba_cache import Whole, compiled
 
 _CANDIDATES = 64  # shapes looked at around one sphere
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
-from hexakin.transforms import Array
+from hexakin.numerics.numba_cache import Whole, compiled
+from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 
 SAME = 1e-9  # [m] points this close are one
 

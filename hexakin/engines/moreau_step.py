@@ -20,11 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.compiled import Whole, compiled
+from hexakin.checks import Array
 from hexakin.contact.impulses import solve_impact, solve_impulses
-from hexakin.engines.collision import Bodies, Contacts, find_contacts
-from hexakin.engines.ground import Ground
-from hexakin.transforms import Array
+from hexakin.engines.ground_contacts import Bodies, Contacts, find_contacts
+from hexakin.engines.ground_grid import Ground
+from hexakin.numerics.numba_cache import Whole, compiled
 
 CAPACITY = 256  # contacts at a time; at steps of 50 ms every corner of ATHENA's boxes is a candidate
 _SLOP = 1e-3  # [m] penetration that is left alone

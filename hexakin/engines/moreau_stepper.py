@@ -7,18 +7,19 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.compiled import announced
+from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.contact.impulses import HOLDS
 from hexakin.contact.problem import check_facets
-from hexakin.dynamics import GRAVITY, pin
-from hexakin.engines.box_touch import BoxTouch
-from hexakin.engines.collision import Bodies, empty_contacts
-from hexakin.engines.ground import compile_ground
-from hexakin.engines.moreau import CAPACITY, Law, State, drift, march
+from hexakin.dynamics import pin
+from hexakin.engines.box_contacts import BoxTouch
+from hexakin.engines.ground_contacts import Bodies, empty_contacts
+from hexakin.engines.ground_grid import compile_ground
+from hexakin.engines.moreau_step import CAPACITY, Law, State, drift, march
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, check_number, check_whole
+from hexakin.numerics.numba_cache import announced
+from hexakin.robot.model import GRAVITY
+from hexakin.terrain.base import Terrain
 
 _FAST = 5.0  # [m/s] up to which bodies strike when they should; faster ones up to a step later
 _HOPELESS = 1e-3  # relative residual at which a simulation stops

@@ -13,14 +13,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.engines.base import Engine, Reading
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
-from hexakin.robot import NUM_JOINTS, Robot
-from hexakin.terrain import Box, HalfSpace, Terrain, TriangleMesh
-from hexakin.transforms import Array, check_array, check_number, check_whole, inverse_pose, pose
-from hexakin.urdf import to_urdf
-
-GRAVITY = 9.81  # [m/s^2]
+from hexakin.robot.leg_table import NUM_JOINTS
+from hexakin.robot.model import GRAVITY, Robot
+from hexakin.robot.urdf import to_urdf
+from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.transforms import inverse_pose, pose
 
 
 @contextlib.contextmanager

@@ -7,14 +7,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, check_whole
 from hexakin.dynamics import build_model, configuration, pin
 from hexakin.engines.base import Engine, Reading
+from hexakin.engines.moreau_stepper import MoreauStepper, Servos
 from hexakin.engines.shapes import Cuboid, Sphere
-from hexakin.engines.stepper import MoreauStepper, Servos
 from hexakin.exceptions import InvalidInputError
-from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, Body, Robot
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, check_whole, pose
+from hexakin.robot.leg_table import NUM_JOINTS
+from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
+from hexakin.terrain.base import Terrain
+from hexakin.transforms import pose
 
 
 class RigidEngine(Engine):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hexakin.transforms import Array
+from hexakin.checks import Array
 
 
 class Sphere(NamedTuple):

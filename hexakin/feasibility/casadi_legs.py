@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hexakin.checks import Array, read_only
 from hexakin.exceptions import MissingPackageError
-from hexakin.robot import NUM_JOINTS, SEGMENT_NAMES, LegTable, Robot
-from hexakin.symbolic import derive, with_functions
-from hexakin.transforms import Array, read_only
+from hexakin.robot.leg_table import NUM_JOINTS, LegTable
+from hexakin.robot.model import SEGMENT_NAMES, Robot
+from hexakin.symbolic.leg import derive, with_functions
 
 try:
     import casadi as ca

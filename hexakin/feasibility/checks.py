@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.dynamics import GRAVITY
+from hexakin.checks import Array, check_number
 from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed
-from hexakin.feasibility.legs import leg_states
-from hexakin.feasibility.motion import Motion, motion_of
 from hexakin.feasibility.statics import static_problem
-from hexakin.kinematics import inverse_kinematics
-from hexakin.leg_curves import LegCurves
-from hexakin.recording import Recording
-from hexakin.robot import Robot, check_robot
-from hexakin.stability import polygon_margins
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_number, transform_points
-from hexakin.walker import WalkPlan
+from hexakin.kinematics.inverse import inverse_kinematics
+from hexakin.motion.motion import Motion, motion_of
+from hexakin.motion.recording import Recording
+from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.model import Robot, check_robot
+from hexakin.stability.polygon import polygon_margins
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.leg_curves import LegCurves
+from hexakin.transforms import transform_points
 
 _ROUNDING = 1e-9  # of margins: a pose on its limit keeps it
 _TIE = 1e-6  # of margins: of instants as bad as this the first is named, as on every machine
@@ -268,7 +268,7 @@ def _statics(
     normal_force = np.einsum("nli,nli->nl", forces.force, normals)
     tangential = np.linalg.norm(forces.force - normal_force[..., None] * normals, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(normal_force > 1e-6 * robot.mass * GRAVITY, friction - tangential / normal_force, np.nan)
+        room = np.where(normal_force > 1e-6 * robot.weight, friction - tangential / normal_force, np.nan)
     slides = forces.outcome == "friction"
     mend, legs = "", np.broadcast_to(slides[:, None], room.shape)
     if slides.any():

@@ -17,14 +17,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.dynamics import GRAVITY
+from hexakin.checks import Array, check_number
 from hexakin.exceptions import SolverError, UnknownNameError
-from hexakin.feasibility.legs import leg_constants, leg_function, reach_function
+from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
 from hexakin.feasibility.statics import pyramids
-from hexakin.gait import tripod
-from hexakin.kinematics import BRANCH_SIGNS, forward_kinematics, standing_branch, standing_height
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_number
+from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.robot.model import GRAVITY, Robot, check_robot
+from hexakin.walking.gait import tripod
 
 STROKES = ("full_stride", "half_stride")
 _SLACK = 1e-6
@@ -242,7 +242,7 @@ class _Question:
             legs[leg] = (state, ground)
         moments = [state["moment"] for state, _ in legs.values()]
         center = R @ ((robot.torso.mass * ca.DM(robot.torso.center_of_mass) + sum(moments)) / robot.mass) + body
-        weight = robot.mass * GRAVITY
+        weight = robot.weight
         total, turning = ca.MX(-against_gravity), ca.MX.zeros(3)
         for leg, (state, ground) in legs.items():
             torque = GRAVITY * ca.reshape(state["moment_slope"], 3, 3).T @ (R.T @ against_gravity)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from hexakin.checks import Array
 from hexakin.exceptions import SolverError
 from hexakin.feasibility.statics import StaticProblem, pyramids
-from hexakin.transforms import Array
 
 MOST_FRICTION = 10.0
 """Coefficient of friction beyond any ground's: what tips even with it tips, and is not said to slide.

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin.checks import Array, check_array, check_number
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility.legs import leg_states
-from hexakin.feasibility.programmes import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
+from hexakin.feasibility.casadi_legs import leg_states
+from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
 from hexakin.feasibility.statics import StaticProblem, pyramids, static_problem
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_array, check_number
+from hexakin.robot.model import Robot, check_robot
 
 OUTCOMES = ("balanced", "torque", "friction", "support")
 """Outcomes of an instant: forces were found; joints lack torque; feet would slide; the robot would tip or fall."""

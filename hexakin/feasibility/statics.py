@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.dynamics import GRAVITY
+from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility.legs import LegStates
-from hexakin.robot import Robot
-from hexakin.transforms import Array, check_array, check_whole
+from hexakin.feasibility.casadi_legs import LegStates
+from hexakin.robot.model import GRAVITY, Robot
 
 _LENGTH = 0.1  # [m] lever by which moments are scaled to forces
 _PER_INSTANT = ("equilibrium", "cone", "torque_map", "torque_free", "carrying", "frames", "center_of_mass")
@@ -71,7 +70,7 @@ def static_problem(
     slide = states.jacobian + np.cross(states.axes, lever[..., None], axisa=-2, axisb=-2, axisc=-2)
     gravity = -GRAVITY * R[:, 2]  # acceleration of gravity in the body frame: rows of R are the world's axes
     center = (robot.torso.mass * robot.torso.center_of_mass + states.moment.sum(axis=1)) / robot.mass
-    unit = robot.mass * GRAVITY
+    unit = robot.weight
 
     equilibrium = np.zeros((n, 6, num_legs, 3))
     equilibrium[:, :3] = np.moveaxis(turn, 1, 2)

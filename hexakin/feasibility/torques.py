@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.feasibility.legs import leg_states
+from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.statics import StaticProblem, static_problem
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_array
+from hexakin.robot.model import Robot, check_robot
 
 _SINGULAR = 1e8  # condition of a leg's Jacobian beyond which torques say nothing of the force along the leg
 

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.figure_style import ENGINE_COLOURS, GREY, LEG_COLOURS
-from hexakin.transforms import Array, check_array
+from hexakin.figures.style import ENGINE_COLOURS, GREY, LEG_COLOURS
 
 _SUMMARY = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
 _MOST_PRINTED = 8  # columns or rows of a map in a third of a page: more leave no room for numbers

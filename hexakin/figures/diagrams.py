@@ -1,14 +1,20 @@
-"""Gait diagrams: which feet are on the ground when."""
+"""Diagrams: a gait over time, joint angles over time and in the leg, and flow charts."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import FancyBboxPatch
+from numpy.typing import ArrayLike
 
-from hexakin.figure_style import GREY
-from hexakin.gait import Gait
+from hexakin.checks import Array
+from hexakin.figures.style import BLUE, GREY, MM, RED
+from hexakin.kinematics.forward import forward_kinematics, segment_poses
+from hexakin.robot.model import Robot
+from hexakin.walking.gait import Gait
 
 
 def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -> None:
@@ -28,3 +34,83 @@ def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -
     ax.set_facecolor("w")
     ax.grid(axis="x", color=GREY, alpha=0.4)
     ax.grid(axis="y", visible=False)
+
+
+def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
+    """Plot one leg's three angles ``q`` (n, 3) [rad] in degrees over ``x`` (n,), with names of the robot's joints."""
+    for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
+        ax.plot(np.asarray(x), angle, style, label=_symbol(name))
+    ax.set_ylabel("angle [deg]")
+    ax.margins(x=0.0)
+
+
+def _symbol(name: str) -> str:
+    """Return a joint's name as it is printed: theta_2 as the Greek letter with its index, a word as it is."""
+    greek = re.fullmatch(r"(alpha|beta|gamma|delta|theta|phi|psi)(?:_([A-Za-z0-9]+))?", name)
+    return name if greek is None else rf"$\{greek[1]}_{{{greek[2] or ''}}}$"
+
+
+def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
+    """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
+
+    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs of paper A's kind: the first axis vertical, angles
+    counted from the direction of the mount and upwards.
+    """
+    q = np.asarray(q, dtype=float)
+    poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]
+    points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
+    mount = float(np.arctan2(points[1, 1], points[1, 0]))
+    _angle_arcs(top, points[:, :2], [0.0, mount], [mount, mount + q[leg, 0]], ("mount", robot.table.joints[0]))
+    top.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[1:, :2], axis=0), axis=1))])
+    plane = np.column_stack([along, points[1:, 2]])
+    first = q[leg, 1]
+    _angle_arcs(side, plane, [0.0, first], [first, first + q[leg, 2]], robot.table.joints[1:])
+    side.set(xlabel="from the first joint along the leg [mm]", ylabel="height [mm]", aspect="equal")
+    side.margins(0.1)
+
+
+def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float], names: Sequence[str]) -> None:
+    """Draw the polyline ``points`` (k, 2) and an arc at its first or second and following corners."""
+    ax.plot(*points.T, "k-", lw=2.5, zorder=2)
+    ax.plot(*points[:-1].T, "o", color="w", mec="k", ms=8, zorder=3)
+    ax.plot(*points[-1], "o", color="#404040", ms=10, zorder=3)
+    corners = points[:2] if names[0] == "mount" else points[1:3]
+    for corner, start, end, name, colour in zip(corners, starts, ends, names, (BLUE, RED), strict=True):
+        arc = np.linspace(start, end, 40)
+        ax.plot(corner[0] + 28 * np.cos(arc), corner[1] + 28 * np.sin(arc), color=colour)
+        ax.plot(corner[0] + [0, 45 * np.cos(start)], corner[1] + [0, 45 * np.sin(start)], ":", color=colour)
+        middle = (start + end) / 2
+        text = r"$\theta_1$" if name == "mount" else _symbol(name)
+        ax.text(
+            corner[0] + 40 * np.cos(middle),
+            corner[1] + 40 * np.sin(middle),
+            text,
+            color=colour,
+            ha="center",
+            va="center",
+        )
+
+
+def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
+    """Draw a flow chart: ``steps`` name -> (x, y, text) in axis units, ``arrows`` (from, to, label)."""
+    ax.axis("off")
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    drawn = {}
+    for name, (x, y, text) in steps.items():
+        colour = "#fff3d6" if text.endswith("?") else "#e3eef7"
+        drawn[name] = ax.text(
+            x, y, text, ha="center", va="center", fontsize=8, zorder=3,
+            bbox={"boxstyle": "round,pad=0.5", "facecolor": colour, "edgecolor": "k", "linewidth": 0.8},
+        )  # fmt: skip
+    ax.figure.canvas.draw()
+    for start, end, label in arrows:
+        (x0, y0, _), (x1, y1, _) = steps[start], steps[end]
+        patches: list[FancyBboxPatch | None] = [drawn[start].get_bbox_patch(), drawn[end].get_bbox_patch()]
+        ax.annotate(
+            "", (x1, y1), (x0, y0),
+            arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 0.9, "patchA": patches[0], "patchB": patches[1]},
+        )  # fmt: skip
+        if label:
+            ax.text((x0 + x1) / 2, (y0 + y1) / 2, label, fontsize=8, ha="center", va="center",
+                    bbox={"facecolor": "w", "edgecolor": "none", "pad": 1})  # fmt: skip

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.transforms import Array
+from hexakin.checks import Array
 
 _CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 _NORMALS = np.concatenate([-np.eye(3), np.eye(3)])  # of a box's faces: towards -x, -y, -z, +x, +y, +z

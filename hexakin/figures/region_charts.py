@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike
 
+from hexakin.checks import check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.figure_style import BLUE, GREEN, GREY, MM, ORANGE, PURPLE, RED
-from hexakin.transforms import check_array
+from hexakin.figures.style import BLUE, GREEN, GREY, MM, ORANGE, PURPLE, RED
 
 _REGION_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 

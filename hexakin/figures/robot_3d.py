@@ -5,82 +5,33 @@ Nothing is computed here beyond what a drawing needs.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from matplotlib.patches import FancyBboxPatch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
-from hexakin.block_faces import BlockFaces, SolidFaces, block_columns
-from hexakin.charts import bar_effects, box_groups, draw_boxes, draw_sweep, heat_map
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.figure_style import (
+from hexakin.figures.solids_3d import BlockFaces, SolidFaces
+from hexakin.figures.style import (
     BLUE,
-    CONTROLLED,
-    ENGINE_COLOURS,
     GREEN,
     GREY,
     LEG_COLOURS,
     MM,
     ORANGE,
-    PURPLE,
     RED,
-    SIMPLE,
-    STYLE,
-    save_pdf,
-    use_style,
 )
-from hexakin.gait_charts import draw_gait
-from hexakin.kinematics import forward_kinematics, segment_poses
-from hexakin.region_charts import draw_forces, draw_regions, draw_samples
-from hexakin.robot import SEGMENT_NAMES, Robot
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, transform_points
-from hexakin.walker import WalkPlan
-
-__all__ = [
-    "BLUE",
-    "CONTROLLED",
-    "ENGINE_COLOURS",
-    "GREEN",
-    "GREY",
-    "LEG_COLOURS",
-    "MM",
-    "ORANGE",
-    "PURPLE",
-    "RED",
-    "SIMPLE",
-    "STYLE",
-    "axes_3d",
-    "bar_effects",
-    "box_groups",
-    "draw_boxes",
-    "draw_forces",
-    "draw_frame",
-    "draw_gait",
-    "draw_joint_angles",
-    "draw_plan",
-    "draw_plane",
-    "draw_regions",
-    "draw_robot",
-    "draw_samples",
-    "draw_skeleton",
-    "draw_sweep",
-    "draw_terrain",
-    "draw_wireframe",
-    "flow_chart",
-    "heat_map",
-    "plot_leg_angles",
-    "save_pdf",
-    "set_equal_3d",
-    "use_style",
-]  # fmt: skip
+from hexakin.kinematics.forward import forward_kinematics, segment_poses
+from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.model import SEGMENT_NAMES, Robot
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.columns import block_columns
+from hexakin.transforms import transform_points
 
 
 def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimuth: float = -60.0) -> Any:
@@ -199,62 +150,6 @@ def draw_wireframe(
         ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, **unclipped))
 
 
-def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
-    """Plot one leg's three angles ``q`` (n, 3) [rad] in degrees over ``x`` (n,), with names of the robot's joints."""
-    for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
-        ax.plot(np.asarray(x), angle, style, label=_symbol(name))
-    ax.set_ylabel("angle [deg]")
-    ax.margins(x=0.0)
-
-
-def _symbol(name: str) -> str:
-    """Return a joint's name as it is printed: theta_2 as the Greek letter with its index, a word as it is."""
-    greek = re.fullmatch(r"(alpha|beta|gamma|delta|theta|phi|psi)(?:_([A-Za-z0-9]+))?", name)
-    return name if greek is None else rf"$\{greek[1]}_{{{greek[2] or ''}}}$"
-
-
-def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
-    """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
-
-    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs of paper A's kind: the first axis vertical, angles
-    counted from the direction of the mount and upwards.
-    """
-    q = np.asarray(q, dtype=float)
-    poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]
-    points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
-    mount = float(np.arctan2(points[1, 1], points[1, 0]))
-    _angle_arcs(top, points[:, :2], [0.0, mount], [mount, mount + q[leg, 0]], ("mount", robot.table.joints[0]))
-    top.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[1:, :2], axis=0), axis=1))])
-    plane = np.column_stack([along, points[1:, 2]])
-    first = q[leg, 1]
-    _angle_arcs(side, plane, [0.0, first], [first, first + q[leg, 2]], robot.table.joints[1:])
-    side.set(xlabel="from the first joint along the leg [mm]", ylabel="height [mm]", aspect="equal")
-    side.margins(0.1)
-
-
-def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float], names: Sequence[str]) -> None:
-    """Draw the polyline ``points`` (k, 2) and an arc at its first or second and following corners."""
-    ax.plot(*points.T, "k-", lw=2.5, zorder=2)
-    ax.plot(*points[:-1].T, "o", color="w", mec="k", ms=8, zorder=3)
-    ax.plot(*points[-1], "o", color="#404040", ms=10, zorder=3)
-    corners = points[:2] if names[0] == "mount" else points[1:3]
-    for corner, start, end, name, colour in zip(corners, starts, ends, names, (BLUE, RED), strict=True):
-        arc = np.linspace(start, end, 40)
-        ax.plot(corner[0] + 28 * np.cos(arc), corner[1] + 28 * np.sin(arc), color=colour)
-        ax.plot(corner[0] + [0, 45 * np.cos(start)], corner[1] + [0, 45 * np.sin(start)], ":", color=colour)
-        middle = (start + end) / 2
-        text = r"$\theta_1$" if name == "mount" else _symbol(name)
-        ax.text(
-            corner[0] + 40 * np.cos(middle),
-            corner[1] + 40 * np.sin(middle),
-            text,
-            color=colour,
-            ha="center",
-            va="center",
-        )
-
-
 def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
     """Draw a frame's x (red), y (green) and z (blue) axes, ``length`` [m] long."""
     T = np.asarray(T)
@@ -295,30 +190,6 @@ def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = O
     ax.add_collection3d(Poly3DCollection([triangle], facecolors=colour, alpha=0.4, edgecolors=colour, zorder=1))
     center, tip = triangle.mean(axis=0), triangle.mean(axis=0) + arrow * MM * np.asarray(normal)
     ax.quiver(*center, *(tip - center), color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
-
-
-def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
-    """Draw a flow chart: ``steps`` name -> (x, y, text) in axis units, ``arrows`` (from, to, label)."""
-    ax.axis("off")
-    ax.set(xlim=(0, 1), ylim=(0, 1))
-    drawn = {}
-    for name, (x, y, text) in steps.items():
-        colour = "#fff3d6" if text.endswith("?") else "#e3eef7"
-        drawn[name] = ax.text(
-            x, y, text, ha="center", va="center", fontsize=8, zorder=3,
-            bbox={"boxstyle": "round,pad=0.5", "facecolor": colour, "edgecolor": "k", "linewidth": 0.8},
-        )  # fmt: skip
-    ax.figure.canvas.draw()
-    for start, end, label in arrows:
-        (x0, y0, _), (x1, y1, _) = steps[start], steps[end]
-        patches: list[FancyBboxPatch | None] = [drawn[start].get_bbox_patch(), drawn[end].get_bbox_patch()]
-        ax.annotate(
-            "", (x1, y1), (x0, y0),
-            arrowprops={"arrowstyle": "-|>", "color": "k", "lw": 0.9, "patchA": patches[0], "patchB": patches[1]},
-        )  # fmt: skip
-        if label:
-            ax.text((x0 + x1) / 2, (y0 + y1) / 2, label, fontsize=8, ha="center", va="center",
-                    bbox={"facecolor": "w", "edgecolor": "none", "pad": 1})  # fmt: skip
 
 
 def draw_plan(ax: Any, robot: Robot, plan: WalkPlan, samples: Sequence[int], *, ground: bool = True) -> None:

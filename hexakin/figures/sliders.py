@@ -23,13 +23,16 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hexakin import figures
+from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError, MissingPackageError, UnreachableError
-from hexakin.kinematics import forward_kinematics, posed_inverse_kinematics, standing_height
-from hexakin.leg_functions import reach
-from hexakin.robot import Robot, check_robot
-from hexakin.terrain import Plane
-from hexakin.transforms import Array, check_array, check_whole, pose, rpy_rotation, transform_points
+from hexakin.figures.robot_3d import axes_3d, draw_robot, draw_terrain, draw_wireframe, set_equal_3d
+from hexakin.figures.style import MM
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.kinematics.inverse import posed_inverse_kinematics
+from hexakin.kinematics.leg_functions import reach
+from hexakin.robot.model import Robot, check_robot
+from hexakin.terrain.planes import Plane
+from hexakin.transforms import pose, rpy_rotation, transform_points
 
 _FAULT = "#b2002d"  # none of the legs' colours
 _BEYOND = 0.2  # of a joint's range: how far its slider leads past the limits, so that they can be seen
@@ -213,19 +216,19 @@ def _check_leg(robot: Robot, leg: int) -> None:
 def _picture(figure: Figure, robot: Robot, posture: Posture) -> bytes:
     """Draw a posture in a box that does not move, and return the picture."""
     figure.clear()
-    ax = figures.axes_3d(figure, elevation=25, azimuth=-50)
+    ax = axes_3d(figure, elevation=25, azimuth=-50)
     ax.set_position((-0.08, -0.08, 1.12, 1.24))  # 3D axes leave much room around
     standing = forward_kinematics(robot, robot.standing_q)
     side = 1.2 * float(np.abs(standing[:, :2]).max())
     top = standing_height(robot) + 0.8 * float(reach(robot)[:, 1].max())
-    figures.draw_terrain(ax, Plane(), (-side, -side), (side, side), spacing=side / 4.0)
-    figures.draw_robot(ax, robot, posture.q, posture.T_world_body)
+    draw_terrain(ax, Plane(), (-side, -side), (side, side), spacing=side / 4.0)
+    draw_robot(ax, robot, posture.q, posture.T_world_body)
     bad = [leg - 1 for leg in posture.faults if leg]
-    figures.draw_wireframe(
+    draw_wireframe(
         ax, robot, posture.q, posture.T_world_body, legs=bad, torso=0 in posture.faults, colour=_FAULT, width=4.0
     )
-    ax.plot(*(figures.MM * posture.p_world_foot[bad].T), "o", color=_FAULT, ms=7, zorder=6)
-    figures.set_equal_3d(ax, [-side, -side, 0.0], [side, side, top])
+    ax.plot(*(MM * posture.p_world_foot[bad].T), "o", color=_FAULT, ms=7, zorder=6)
+    set_equal_3d(ax, [-side, -side, 0.0], [side, side, top])
     file = io.BytesIO()
     figure.savefig(file, format="png")
     return file.getvalue()

@@ -13,46 +13,12 @@ from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
-from hexakin.occlusion import cut_hidden, hiding_planes
-from hexakin.terrain import Box, HalfSpace, Terrain
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.figures.occlusion import cut_hidden, hiding_planes
 
 _LOWEST, _HIGHEST = np.array([0.63, 0.57, 0.46]), np.array([0.98, 0.96, 0.90])  # colours of tops
 _SIDE_X, _SIDE_Y = 0.62, 0.78  # brightness of sides, of that of the top
 _FAR = 1e4  # of an orthographic view's depth: how far away its eye is put
-
-
-def block_columns(terrain: Terrain, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array] | None:
-    """Columns under a terrain of boxes, cut off at a window; None for a terrain of other shapes.
-
-    Parameters
-    ----------
-    terrain
-        Boxes, with or without level ground around them.
-    low, high
-        Corners of the window (x, y), (2,) [m].
-
-    Returns
-    -------
-    tuple
-        Lower and upper corners (b, 3) [m]; the columns stand side by side, on the level ground or, without one, on
-        the lowest of the boxes' undersides.
-    """
-    shapes = terrain.shapes()
-    boxes = [shape for shape in shapes if isinstance(shape, Box)]
-    ground = [shape.point[2] for shape in shapes if isinstance(shape, HalfSpace) and shape.normal == (0.0, 0.0, 1.0)]
-    if not boxes or len(boxes) + len(ground) < len(shapes):
-        return None
-    corners = np.array([(box.lower, box.upper) for box in boxes])
-    bottom = max(ground) if ground else corners[..., 2].min()
-    edges = []
-    for axis, (begin, end) in enumerate(np.transpose([low, high])):
-        inside = corners[..., axis][(corners[..., axis] > begin) & (corners[..., axis] < end)]
-        edges.append(np.unique(np.concatenate([[begin], np.round(inside, 9), [end]])))
-    x0, y0 = (e.ravel() for e in np.meshgrid(edges[0][:-1], edges[1][:-1], indexing="ij"))
-    x1, y1 = (e.ravel() for e in np.meshgrid(edges[0][1:], edges[1][1:], indexing="ij"))
-    top = np.fmax(terrain.height((x0 + x1) / 2.0, (y0 + y1) / 2.0), bottom)
-    return np.column_stack([x0, y0, np.full_like(x0, bottom)]), np.column_stack([x1, y1, top])
 
 
 def eye_of(ax: Any) -> Array:

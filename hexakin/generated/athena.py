@@ -9,7 +9,7 @@ from math import atan2, cos, nan, sin, sqrt
 import numpy
 from numpy import absolute, add, copyto, maximum, multiply, negative, power, subtract
 
-from hexakin.elementary import PER_TURN, TURN, angle, sincos
+from hexakin.numerics.trigonometry import PER_TURN, TURN, angle, sincos
 
 CLOSED_FORM = True
 

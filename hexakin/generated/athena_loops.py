@@ -8,8 +8,8 @@ from math import atan2, cos, nan, sin, sqrt
 
 import numpy
 
-from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos
-from hexakin.elementary import PER_TURN, TURN
+from hexakin.numerics.trigonometry_loops import angle, contracted, kernel, maximum, rounded, sincos
+from hexakin.numerics.trigonometry import PER_TURN, TURN
 
 
 @contracted

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin import numerical_inverse
-from hexakin.batch_kinematics import LIMIT_TOLERANCE, Solved, forward_of, inverse_of, reach_of
-from hexakin.leg_functions import closed_form, reach
-from hexakin.robot import Robot
-from hexakin.transforms import Array, wrapped
+from hexakin.checks import Array
+from hexakin.kinematics.evaluation import LIMIT_TOLERANCE, Solved, forward_of, inverse_of, reach_of
+from hexakin.kinematics.leg_functions import closed_form, reach
+from hexakin.kinematics.numerical import solve_numerically
+from hexakin.robot.model import Robot
+from hexakin.transforms import wrapped
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 """Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
@@ -80,7 +81,7 @@ def every_branch(robot: Robot, foot: Array) -> InverseSolution:
             solved.distance.reshape(4, *shape).transpose(last),
             bounds,
         )
-    found = numerical_inverse.solve(robot, foot)
+    found = solve_numerically(robot, foot)
     middle = 0.5 * (robot.q_min + robot.q_max)[:, None, :]
     q = middle + wrapped(found.q - middle)
     shape = q.shape[:-1]

@@ -16,11 +16,11 @@ from pathlib import Path
 from types import ModuleType
 
 from hexakin import installation
-from hexakin.robot import LegTable
+from hexakin.robot.leg_table import LegTable
 
 PARTS = ("numeric", "loops")
 
-_MADE_BY = ("hexakin.code_generation", "hexakin.generated")
+_MADE_BY = ("hexakin.symbolic.generate", "hexakin.generated")
 """What writes a leg type's code, and code so written: that imports what any leg type's code runs with."""
 
 
@@ -38,7 +38,7 @@ def directory() -> Path:
     return base.expanduser() / "hexakin" / "leg_types"
 
 
-def modules(table: LegTable) -> dict[str, Path]:
+def code_files(table: LegTable) -> dict[str, Path]:
     """Return the files of a leg type, ``numeric`` and ``loops``, derived and written first if they are not there.
 
     Raises OSError if they cannot be written.
@@ -55,14 +55,14 @@ def modules(table: LegTable) -> dict[str, Path]:
 
 def derived(table: LegTable) -> dict[str, str]:
     """Source text of a leg type, derived now."""
-    from hexakin.code_generation import generate
+    from hexakin.symbolic.generate import generate
 
     sources = generate(table)
     return {"numeric": sources.numeric, "loops": sources.loops}
 
 
 def loaded(path: Path) -> ModuleType:
-    """Return the module of a file that ``modules`` gave."""
+    """Return the module of a file that ``code_files`` gave."""
     text = _checked(path)
     if text is None:
         raise OSError(f"{path}: changed since it was written")

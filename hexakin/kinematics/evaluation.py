@@ -18,12 +18,12 @@ from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hexakin.elementary import PER_TURN, TURN
-from hexakin.leg_functions import LegFunctions, leg_functions
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, read_only
+from hexakin.checks import Array, read_only
+from hexakin.kinematics.leg_functions import LegFunctions, leg_functions
+from hexakin.numerics.trigonometry import PER_TURN, TURN
+from hexakin.robot.model import Robot, check_robot
 
 FEW = 48
 """Leg poses up to which Python's floats are used."""
@@ -41,6 +41,11 @@ stretched leg's own forward kinematics lands outside by rounding."""
 _BLOCK = 12288  # leg poses: few enough for a cache, and a call of NumPy costs little beside its work
 _NEAR = 3.14  # [rad]: a little less than half a turn
 _TILE = 288  # leg poses of a compiled loop: enough that to start it costs little, few enough for the cache
+
+
+def fits(robot: Robot, values: ArrayLike) -> bool:
+    """Whether ``values`` are an array (..., L, 3) of floats already, and need no conversion."""
+    return type(values) is np.ndarray and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
 
 
 def prepare(robot: Robot) -> bool:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.batch_kinematics import forward_of, jacobian_of
-from hexakin.exceptions import InvalidInputError, UnknownNameError, UnreachableError
-from hexakin.inverse_branches import (
-    BRANCH_SIGNS,
+from hexakin.checks import Array, check_array
+from hexakin.exceptions import InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
+from hexakin.kinematics.branches import (
     InverseSolution,
     every_branch,
     followed,
@@ -20,62 +18,11 @@ from hexakin.inverse_branches import (
     nearest,
     on_standing_branch,
     picked,
-    standing_branch,
 )
-from hexakin.leg_functions import closed_form
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_array, inverse_pose, transform_points, wrapped
-
-__all__ = [
-    "BRANCH_SIGNS",
-    "InverseSolution",
-    "forward_kinematics",
-    "inverse_kinematics",
-    "jacobian",
-    "joint_axes",
-    "path_inverse_kinematics",
-    "posed_inverse_kinematics",
-    "segment_poses",
-    "standing_branch",
-    "standing_height",
-    "within_limits",
-]
-
-
-def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
-    """Foot positions in the body frame (A(12)).
-
-    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m], to four units in the last place of the length of the leg's whole
-    chain, for angles of any size. Raises InvalidInputError for a wrong shape or an angle that is not finite, naming leg
-    and joint.
-    """
-    return _of_angles(forward_of, robot, q)
-
-
-def jacobian(robot: Robot, q: ArrayLike) -> Array:
-    """Derivative of each foot's position in the body frame by its leg's angles.
-
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
-    """
-    return _of_angles(jacobian_of, robot, q)
-
-
-def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array | None]], robot: Robot, q: ArrayLike) -> Array:
-    check_robot(robot)
-    # The generated code finds infinities and NaN itself; an array is looked through only if it has.
-    fits = _fits(robot, q)
-    angles = cast(Array, q) if fits else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    result = function_of(robot)(angles)
-    if result is None:
-        check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-        # Finite, but too large for the polynomials of a batch.
-        result = function_of(robot)(np.arctan2(np.sin(angles), np.cos(angles)))
-    assert result is not None
-    return result
-
-
-def _fits(robot: Robot, values: ArrayLike) -> bool:
-    return type(values) is np.ndarray and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
+from hexakin.kinematics.evaluation import fits
+from hexakin.kinematics.leg_functions import closed_form
+from hexakin.robot.model import Robot, check_robot
+from hexakin.transforms import inverse_pose, transform_points, wrapped
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
@@ -98,17 +45,17 @@ def inverse_kinematics(
     angle free, and 0 is returned; a stretched or folded leg's third angle is known to 1e-8 rad only, yet the foot is
     where it should be; a foot in the second joint of equally long links leaves the second angle free.
 
-    A leg without a known closed form is solved by ``hexakin.numerical_inverse``; a foot is then reached if it is missed
-    by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable foot raises
-    UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are not, and their angles
-    are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and
-    UnknownNameError for an unknown option.
+    A leg without a known closed form is solved numerically (``hexakin.kinematics.numerical``); a foot is then reached
+    if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable foot
+    raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are not, and their
+    angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and UnknownNameError
+    for an unknown option.
     """
     check_robot(robot)
     closed = _is_closed(robot)
     # A foot with a coordinate that is not finite is not reached, and its distance is not finite either: the feet are
     # looked through only then.
-    checked = not (_fits(robot, p_body_foot) and near is None and closed)
+    checked = not (fits(robot, p_body_foot) and near is None and closed)
     foot = _feet(robot, p_body_foot) if checked else cast(Array, p_body_foot)
     if not isinstance(branch, str) or branch not in ("standing", "all"):
         raise UnknownNameError("branch", branch, ["standing", "all"])
@@ -193,42 +140,23 @@ def posed_inverse_kinematics(
     return inverse_kinematics(robot, transform_points(inverse_pose(T), feet), **options)
 
 
-def standing_height(robot: Robot) -> float:
-    """Height [m] of the body's origin above the ground when the robot stands: its reference height."""
-    feet = forward_kinematics(robot, robot.standing_q)
-    return float(robot.foot_radius - feet[:, 2].min())
+def raise_if_impossible(robot: Robot, solution: InverseSolution, time: Array) -> None:
+    """Raise UnreachableError for the first instant out of reach, else JointLimitError for the first out of the limits.
 
-
-def segment_poses(robot: Robot, q: ArrayLike) -> Array:
-    """Pose in the body frame of each segment's frame (origin at its joint, x towards the next joint).
-
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 4, 4), the segments in the order coxa, femur, tibia.
+    ``solution`` is of n instants (n, L, 3), at ``time`` (n,) [s].
     """
-    return _joint_poses(robot, q) @ np.array([robot.segment_poses(leg) for leg in range(robot.num_legs)])
-
-
-def joint_axes(robot: Robot, q: ArrayLike) -> Array:
-    """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of each foot.
-
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3).
-    """
-    return np.swapaxes(_joint_poses(robot, q)[..., :3, 2], -1, -2)
-
-
-def _joint_poses(robot: Robot, q: ArrayLike) -> Array:
-    """Pose (..., L, 3, 4, 4) in the body frame of each joint's frame, turned with the joint, whose axis is its z."""
-    check_robot(robot)
-    angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])
-    turns = np.zeros((*angles.shape, 4, 4))
-    turns[..., 0, 0] = turns[..., 1, 1] = np.cos(angles)
-    turns[..., 1, 0] = np.sin(angles)
-    turns[..., 0, 1] = -turns[..., 1, 0]
-    turns[..., 2, 2] = turns[..., 3, 3] = 1.0
-    poses = fixed[:, :3] @ turns
-    for joint in (1, 2):
-        poses[..., joint, :, :] = poses[..., joint - 1, :, :] @ poses[..., joint, :, :]
-    return poses
+    if not solution.reachable.all():
+        at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])
+        low, high = solution.reach[at, leg]
+        raise UnreachableError(
+            leg + 1, float(solution.distance[at, leg]), (float(low), float(high)), time=float(time[at])
+        )
+    if not solution.within_limits.all():
+        at, leg = (int(i) for i in np.argwhere(~solution.within_limits)[0])
+        q, low, high = solution.q[at, leg], robot.q_min[leg], robot.q_max[leg]
+        joint = int(np.argmax(np.maximum(low - q, q - high)))
+        limits = (float(low[joint]), float(high[joint]))
+        raise JointLimitError(leg + 1, robot.table.joints[joint], float(q[joint]), limits, float(time[at]))
 
 
 def _raise_if_unreachable(solution: InverseSolution, many: bool) -> None:

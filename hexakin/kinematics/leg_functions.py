@@ -11,17 +11,19 @@ from types import ModuleType
 
 import numpy as np
 
+from hexakin.checks import Array
 from hexakin.exceptions import MissingPackageError, NoClosedFormError
 from hexakin.generated import MODULES
-from hexakin.robot import LegTable, Robot
-from hexakin.transforms import Array
+from hexakin.kinematics.code_cache import code_files, derived, executed, loaded
+from hexakin.robot.leg_table import LegTable
+from hexakin.robot.model import Robot
 
 
 @dataclass(frozen=True)
 class LegFunctions:
     """Kinematics of a leg type, for parameters ``p`` (..., n) that broadcast against angles and feet (..., 3).
 
-    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.code_generation``; ``loops_at`` is
+    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.symbolic.generate``; ``loops_at`` is
     the name or the file of the latter, None if there is none.
     """
 
@@ -73,13 +75,11 @@ class LegFunctions:
         if self.loops_at is None:
             return None
         try:
-            from hexakin.compiled import announced
+            from hexakin.numerics.numba_cache import announced
 
             with announced("the kinematics of large batches"):
                 if isinstance(self.loops_at, Path):
-                    from hexakin import code_cache
-
-                    return code_cache.loaded(self.loops_at)
+                    return loaded(self.loops_at)
                 return importlib.import_module(self.loops_at)
         except (MissingPackageError, OSError, RuntimeError):
             # numba raises RuntimeError where it finds no place for its cache: each process would compile anew.
@@ -92,14 +92,12 @@ def leg_functions(table: LegTable) -> LegFunctions:
     if table.type_key in MODULES:
         numeric, loops = MODULES[table.type_key]
         return LegFunctions(table, importlib.import_module(numeric), loops)
-    from hexakin import code_cache
-
     try:
-        paths = code_cache.modules(table)
-        return LegFunctions(table, code_cache.loaded(paths["numeric"]), paths["loops"])
+        paths = code_files(table)
+        return LegFunctions(table, loaded(paths["numeric"]), paths["loops"])
     except OSError:
-        text = code_cache.derived(table)["numeric"]
-        return LegFunctions(table, code_cache.executed(text, f"<leg type {table.type_key}>", "derived"), None)
+        text = derived(table)["numeric"]
+        return LegFunctions(table, executed(text, f"<leg type {table.type_key}>", "derived"), None)
 
 
 def closed_form(table: LegTable) -> bool:

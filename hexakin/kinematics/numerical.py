@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.leg_functions import leg_functions
-from hexakin.robot import Robot
-from hexakin.transforms import Array, wrapped
+from hexakin.checks import Array
+from hexakin.kinematics.leg_functions import leg_functions
+from hexakin.robot.model import Robot
+from hexakin.transforms import wrapped
 
 NUM_SOLUTIONS = 4
 """Most solutions that a leg of three joints has."""
@@ -39,7 +40,7 @@ class Solutions(NamedTuple):
     distance: Array
 
 
-def solve(robot: Robot, foot: Array) -> Solutions:
+def solve_numerically(robot: Robot, foot: Array) -> Solutions:
     """Solve for feet at ``foot`` (..., L, 3) [m] in the body frame; of any leg type, also with a closed form."""
     fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])
     grid = _grid(robot, fixed[:, 0])

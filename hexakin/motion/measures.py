@@ -8,9 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, read_only
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.recording import Recording
-from hexakin.transforms import Array, check_array, read_only
+from hexakin.motion.recording import Recording
+from hexakin.transforms import transform_points
 
 
 class Quartiles(NamedTuple):
@@ -102,3 +103,18 @@ def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps
         torso_contact=np.array([np.mean(recording.torso_force[t] > 0.0) for t in ticks]),
         limb_contact=np.array([np.mean(recording.limb_force[t] > 0.0) for t in ticks]),
     )
+
+
+def slips(recording: Recording) -> Array:
+    """Largest way (p,) [m] that a foot in stance slid in each phase, from the first tick in which it was loaded."""
+    feet = transform_points(recording.T_world_body, recording.p_body_foot)
+    found = []
+    for phase in np.unique(recording.phase):
+        ticks = np.flatnonzero((recording.phase == phase) & ~recording.extending)
+        slid = [0.0]
+        for leg in range(recording.num_legs):
+            held = ticks[recording.stance[ticks, leg] & (recording.foot_force[ticks, leg] > 0.0)]
+            if len(held) > 1:
+                slid.append(float(np.linalg.norm(feet[held[1:], leg] - feet[held[0], leg], axis=-1).max()))
+        found.append(max(slid))
+    return np.array(found)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hexakin.checks import Array
 from hexakin.exceptions import RecordingError
-from hexakin.transforms import Array
 
 _FORMAT = "hexakin-recording-3"
 

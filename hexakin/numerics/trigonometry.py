@@ -1,8 +1,8 @@
 """Sine and cosine together, and the angle of a vector, of whole arrays, in additions, multiplications and divisions.
 
 NumPy leaves these functions to the C library, element by element, on most machines; that costs as much as a hundred of
-NumPy's own multiplications. The formulas are free of branches, so that ``hexakin.compiled_elementary`` can use the same
-ones in loops that become vector instructions.
+NumPy's own multiplications. The formulas are free of branches, so that ``trigonometry_loops`` beside this module can
+use the same ones in loops that become vector instructions.
 
 - Sine and cosine of r follow from tan(r/2) = n/d as 2nd/(n^2 + d^2) and 1 - 2n^2/(n^2 + d^2). With y = r/2,
   n = y N(y^2) and d = D(y^2), polynomials of degree 4 that meet n cos y = d sin y in Chebyshev's points up to pi/2.
@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import add, divide, multiply, subtract
 
-from hexakin.transforms import Array, read_only
+from hexakin.checks import Array, read_only
 
 LARGEST = 3e6
 """[rad]: largest argument of sine and cosine; the turns taken off are then less than 2^19."""

@@ -1,4 +1,4 @@
-"""The formulas of ``hexakin.elementary`` for one number each, for compiled loops that become vector instructions.
+"""The formulas of ``trigonometry`` for one number each, for compiled loops that become vector instructions.
 
 For LLVM to vectorise it a loop must have no branch, call or exception: hence rounding by an addition, and a largest of
 two as a choice. Products and sums may be fused, so that the last bits differ from NumPy's.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
-from hexakin.compiled import contracted, kernel
-from hexakin.elementary import (
+from hexakin.checks import Array
+from hexakin.numerics.numba_cache import contracted, kernel
+from hexakin.numerics.trigonometry import (
     ATAN_DENOMINATOR,
     ATAN_NUMERATOR,
     ATAN_SCALE,
@@ -23,7 +24,6 @@ from hexakin.elementary import (
     TURN_HIGH,
     TURN_LOW,
 )
-from hexakin.transforms import Array
 
 __all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos"]
 

@@ -15,22 +15,23 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import mannwhitneyu, qmc
 
+from hexakin.control.posture import PostureController
 from hexakin.exceptions import InvalidInputError, SimulationError
 from hexakin.feasibility import Motion, check, commanded_walk
+from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.forces import friction_needed
-from hexakin.feasibility.legs import leg_states
 from hexakin.feasibility.statics import static_problem
-from hexakin.posture import PostureController
-from hexakin.recording import Recording
-from hexakin.robot import Robot
-from hexakin.robot_file import load_robot
-from hexakin.simulation import simulate
-from hexakin.stance import energy_margin, longitudinal_margin, polygon_margin, stance_of
-from hexakin.study import Study
-from hexakin.support_region import region_margin
-from hexakin.tables import Scalar
-from hexakin.terrain import Ramp, Terrain
-from hexakin.transforms import Array, transform_points
+from hexakin.motion.measures import slips
+from hexakin.robot.file import load_robot
+from hexakin.robot.model import Robot
+from hexakin.simulation.closed_loop import simulate
+from hexakin.stability.stance import energy_margin, longitudinal_margin, polygon_margin, stance_of
+from hexakin.stability.support_region import region_margin
+from hexakin.study.runner import Study
+from hexakin.study.tables import Scalar
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.planes import Ramp
+from hexakin.transforms import transform_points
 
 RANGES = {"slope": (0.17, 0.79), "friction": (0.3, 1.2), "max_torque": (0.25, 1.89), "stride": (0.03, 0.065)}
 """Ranges of the walks' slope [rad], friction, torque limit [N m] and stride [m]; the torque's logarithm is uniform."""
@@ -129,21 +130,6 @@ def predict(robot: Robot, motion: Motion, terrain: Terrain, friction: float) -> 
         for name, value in found.items():
             least[name] = min(least[name], max(float(np.nan_to_num(value, nan=_EMPTY)), _EMPTY))
     return {**{name: float(value) for name, value in least.items()}, "feasible": float(report.feasible)}
-
-
-def slips(recording: Recording) -> Array:
-    """Largest way (p,) [m] that a foot in stance slid in each phase, from the first tick in which it was loaded."""
-    feet = transform_points(recording.T_world_body, recording.p_body_foot)
-    found = []
-    for phase in np.unique(recording.phase):
-        ticks = np.flatnonzero((recording.phase == phase) & ~recording.extending)
-        slid = [0.0]
-        for leg in range(recording.num_legs):
-            held = ticks[recording.stance[ticks, leg] & (recording.foot_force[ticks, leg] > 0.0)]
-            if len(held) > 1:
-                slid.append(float(np.linalg.norm(feet[held[1:], leg] - feet[held[0], leg], axis=-1).max()))
-        found.append(max(slid))
-    return np.array(found)
 
 
 def failures(table: pd.DataFrame, *, slip: float = 0.02, advance: float = 0.5) -> NDArray[np.bool_]:

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError, MissingPackageError, UnknownNameError
-from hexakin.experiments import walk
-from hexakin.studies import compared
-from hexakin.study import Study
-from hexakin.tables import Scalar
-from hexakin.transforms import Array
-from hexakin.verdicts import GAINS
+from hexakin.papers.gains import GAINS, compared
+from hexakin.papers.scenarios import walk
+from hexakin.study.runner import Study
+from hexakin.study.tables import Scalar
 
 try:
     from SALib.analyze import morris as analyze
@@ -27,7 +26,7 @@ try:
 except ImportError as error:
     raise MissingPackageError("SALib", "a sensitivity study", 'pip install "hexakin[notebooks]"') from error
 
-LEVELS = 4  # Morris' grid: a choice takes 0, 1/3, 2/3 or 1 of its range
+GRID_LEVELS = 4  # Morris' grid: a choice takes 0, 1/3, 2/3 or 1 of its range
 
 
 def _between(low: float, high: float) -> Callable[[float], float]:
@@ -59,7 +58,7 @@ _PROBLEM = {"num_vars": len(CHOICES), "names": list(CHOICES), "bounds": [[0.0, 1
 def points(trajectories: int, seed: int = 0) -> Array:
     """Morris' sample (trajectories * (choices + 1), choices) of shares in [0, 1], optimised for spread by SALib."""
     return np.asarray(
-        sample.sample(_PROBLEM, 10 * trajectories, num_levels=LEVELS, optimal_trajectories=trajectories, seed=seed)
+        sample.sample(_PROBLEM, 10 * trajectories, num_levels=GRID_LEVELS, optimal_trajectories=trajectories, seed=seed)
     )
 
 
@@ -95,7 +94,7 @@ def elementary_effects(
     if whole.sum() < 2:
         raise InvalidInputError(f"table: {whole.sum()} whole trajectories, expected at least 2")
     used = np.repeat(whole, len(CHOICES) + 1)
-    found = analyze.analyze(_PROBLEM, shares[used], values[used], num_levels=LEVELS, seed=seed)
+    found = analyze.analyze(_PROBLEM, shares[used], values[used], num_levels=GRID_LEVELS, seed=seed)
     columns = {name: np.asarray(found[name]) for name in ("mu", "mu_star", "sigma", "mu_star_conf")}
     return pd.DataFrame(columns, index=pd.Index(list(CHOICES), name="choice"))
 

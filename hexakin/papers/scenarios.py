@@ -9,18 +9,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin import stability, terrain
+from hexakin.checks import Array
+from hexakin.control.ground_plane import slope_angles
+from hexakin.control.posture import PostureController
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
-from hexakin.ground_plane import slope_angles
-from hexakin.kinematics import standing_height
-from hexakin.measures import per_cycle
-from hexakin.posture import PostureController
-from hexakin.recording import Recording
-from hexakin.robot import Leg, Robot
-from hexakin.robot_file import load_robot
-from hexakin.simulation import simulate
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array
+from hexakin.kinematics.forward import standing_height
+from hexakin.motion.measures import per_cycle
+from hexakin.motion.recording import Recording
+from hexakin.robot.file import load_robot
+from hexakin.robot.model import Leg, Robot
+from hexakin.simulation.closed_loop import simulate
+from hexakin.stability.time_series import series
+from hexakin.terrain import Blocks, Ramp, Terrain
 
 NUM_CYCLES = 24
 """Gait cycles of a run: with t_g = 1 s they give simple control the paper's median height."""
@@ -44,10 +44,10 @@ _EXTENT = (-0.7, 0.7, -0.5, 3.1)
 
 SCENARIOS: dict[str, Scenario] = {
     # The apex h/4 of A(20)-(21) with h = 120 mm, assumed.
-    "ramp": Scenario(lambda layout: terrain.Ramp(), has_layouts=False, apex=0.03),
+    "ramp": Scenario(lambda layout: Ramp(), has_layouts=False, apex=0.03),
     # The apex clears the step to the block across a corner, two steps of 30 mm; assumed.
     "testbed": Scenario(
-        lambda layout: terrain.Blocks(size=0.2, max_step=0.03, extent=_EXTENT, seed=layout),
+        lambda layout: Blocks(size=0.2, max_step=0.03, extent=_EXTENT, seed=layout),
         has_layouts=True,
         apex=0.075,
     ),
@@ -114,7 +114,7 @@ def simulate_walk(
     if layout != 0 and not place.has_layouts:
         raise InvalidInputError(f"layout: {layout}, but scenario {scenario!r} has one layout only, 0")
     ground = place.terrain(layout)
-    if isinstance(ground, terrain.Blocks):
+    if isinstance(ground, Blocks):
         ground = replace(ground, max_step=ground.max_step if max_step is None else max_step)
         ground = replace(ground, size=ground.size if block_size is None else block_size)
     robot = _changed(load_robot("athena"), servo_rate, foot_radius, mount_scale)
@@ -178,14 +178,14 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
         values |= summary(f"{name}_tick", getattr(ticks, name)[first])
     pitch, roll = _tilt(recording, ground)
     values |= summary("pitch_angle", pitch[used]) | summary("roll_angle", roll[used])
-    loaded, stance = stability.series(recording, "loaded"), stability.series(recording, "stance")
+    loaded, stance = series(recording, "loaded"), series(recording, "stance")
     free = used & ~loaded.body_touches
-    for polygon, series in (("", loaded), ("_stance", stance)):
+    for polygon, stability in (("", loaded), ("_stance", stance)):
         for ticks_used, mask in (("", free), ("_all", used)):
-            counted = mask & series.defined
-            values |= summary(f"zmp_distance{polygon}{ticks_used}", series.centroid_distance[counted])
-            values |= summary(f"stability_margin{polygon}{ticks_used}", series.margin[counted])
-            outside = np.mean(series.margin[counted] < -_ROUNDING) if counted.any() else np.nan
+            counted = mask & stability.defined
+            values |= summary(f"zmp_distance{polygon}{ticks_used}", stability.centroid_distance[counted])
+            values |= summary(f"stability_margin{polygon}{ticks_used}", stability.margin[counted])
+            outside = np.mean(stability.margin[counted] < -_ROUNDING) if counted.any() else np.nan
             values[f"zmp_outside{polygon or '_loaded'}{ticks_used}"] = float(outside)
     values["zmp_used"] = float(np.mean(loaded.defined[used] & free[used]))
     values["torso_contact"] = float(np.mean(recording.torso_force[used] > 0.0))

@@ -23,13 +23,11 @@ import pandas as pd
 
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.installation import DATA
-from hexakin.verdicts import (
+from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS
+from hexakin.papers.verdicts import (
     CHANGES,
-    CHOSEN,
     EXTREMES,
-    GAINS,
     KINDS,
-    LEVELS,
     MIN_AGREEMENT,
     STATISTICS,
     UNITS,
@@ -43,7 +41,7 @@ from hexakin.verdicts import (
 
 __all__ = [
     "CHOSEN",
-    "LEVELS",
+    "GAIN_LEVELS",
     "MIN_AGREEMENT",
     "Statement",
     "Verdict",
@@ -120,9 +118,9 @@ def _statement(row: dict[str, str]) -> Statement:
         if row[name] not in known:
             raise ValueError(f"{name} {row[name]!r}; known: {', '.join(known)}")
     kind = statement.kind
-    if (statement.factor == "chosen") != (not at) or not set(at) <= set(LEVELS) or len(set(at)) < len(at):
+    if (statement.factor == "chosen") != (not at) or not set(at) <= set(GAIN_LEVELS) or len(set(at)) < len(at):
         raise ValueError(f"factor {statement.factor!r} at {row['at']!r}")
-    if (kind in CHANGES and 0.0 in at) or (kind in EXTREMES and not 0 < len(at) < len(LEVELS)):
+    if (kind in CHANGES and 0.0 in at) or (kind in EXTREMES and not 0 < len(at) < len(GAIN_LEVELS)):
         raise ValueError(f"kind {kind!r} at {row['at']!r}")
     if (kind in _WITH_VALUE) != math.isfinite(value) or (kind == "direction" and abs(value) != 1.0):
         raise ValueError(f"kind {kind!r} with value {row['value']!r}")
@@ -275,7 +273,7 @@ def claim(statement: Statement) -> str:
         where = "chosen gains"
     elif s.at == (0.0,):
         where = "simple control"
-    elif s.at == LEVELS[1:]:
+    elif s.at == GAIN_LEVELS[1:]:
         where = f"{_GAIN_NAMES[s.factor]} > 0"
     else:
         where = f"{_GAIN_NAMES[s.factor]} = {', '.join(f'{level:g}' for level in s.at)}"

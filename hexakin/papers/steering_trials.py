@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hexakin.control.steering import SteeringController, Twist
 from hexakin.exceptions import SimulationError, UnknownNameError
-from hexakin.gait import GAITS, gait_of
-from hexakin.limits import slips
-from hexakin.robot import Robot
-from hexakin.robot_file import load_robot
-from hexakin.simulation import simulate
-from hexakin.steering import SteeringController, Twist
-from hexakin.study import Study, grid
-from hexakin.terrain import Plane
+from hexakin.motion.measures import slips
+from hexakin.robot.file import load_robot
+from hexakin.robot.model import Robot
+from hexakin.simulation.closed_loop import simulate
+from hexakin.study.runner import Study, grid
+from hexakin.terrain.planes import Plane
 from hexakin.transforms import inverse_pose
+from hexakin.walking.gait import GAITS, gait_of
 
 HEADINGS = tuple(range(0, 360, 45))
 """Directions [deg] counter-clockwise from the robot's forward axis."""

@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.experiments import SCENARIOS, walk
-from hexakin.installation import DATA
-from hexakin.paper import summary, verdicts
-from hexakin.study import Study, grid
-from hexakin.tables import Scalar, read_table
-from hexakin.transforms import Array
-from hexakin.verdicts import CHOSEN, GAINS, LEVELS, SIMPLE
+from hexakin.papers.gains import GAIN_LEVELS, GAINS, compared, settings
+from hexakin.papers.scenarios import SCENARIOS, walk
+from hexakin.study.runner import Study, grid
+from hexakin.study.tables import Scalar
 
 ENGINES = ("rigid", "pybullet")
-
-
-def settings(scenario: str) -> list[dict[str, float]]:
-    """Gains of A Figs 10-19 in a scenario: each swept alone, and the chosen ones; simple control once."""
-    swept = [tuple(level if gain == name else 0.0 for gain in GAINS) for name in GAINS for level in LEVELS]
-    return [dict(zip(GAINS, gains, strict=True)) for gains in dict.fromkeys([*swept, CHOSEN[scenario]])]
-
-
-def compared(scenario: str) -> list[dict[str, float]]:
-    """Simple control and the paper's chosen gains (A Figs 16-19)."""
-    return [dict(zip(GAINS, gains, strict=True)) for gains in (SIMPLE, CHOSEN[scenario])]
 
 
 def repeats(scenario: str, count: int) -> list[dict[str, int]]:
@@ -91,7 +71,7 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
     """Every combination of the six levels of the three gains, on the rigid engine."""
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": "rigid", "time_step": time_step, **repeat}
-        for gains in grid(**dict.fromkeys(GAINS, LEVELS))
+        for gains in grid(**dict.fromkeys(GAINS, GAIN_LEVELS))
         for repeat in repeats(scenario, count)
     ]
     return Study(f"{scenario}_grid", walk, tuple(runs))
@@ -111,22 +91,22 @@ def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
 
 
 def open_choices(scenario: str) -> Study:
-    """What the paper leaves open, varied (``hexakin.sensitivity``)."""
-    from hexakin.sensitivity import sensitivity
+    """What the paper leaves open, varied (``hexakin.papers.open_choices``)."""
+    from hexakin.papers.open_choices import sensitivity
 
     return sensitivity(scenario)
 
 
 def near_limits() -> Study:
-    """Walks up ramps near what friction, torque and balance allow (``hexakin.limits``)."""
-    from hexakin.limits import study
+    """Walks up ramps near what friction, torque and balance allow (``hexakin.papers.near_limits``)."""
+    from hexakin.papers.near_limits import study
 
     return study()
 
 
 def manoeuvres() -> Study:
-    """Gaits and directions of steering (``hexakin.manoeuvres``), on the rigid engine."""
-    from hexakin.manoeuvres import study
+    """Gaits and directions of steering (``hexakin.papers.steering_trials``), on the rigid engine."""
+    from hexakin.papers.steering_trials import study
 
     return study()
 
@@ -150,58 +130,3 @@ def fresh(scenario: str, *, count: int = 2) -> Study:
     ends = [tuple(gains.values()) for gains in compared(scenario)]
     few = tuple(run for run in pybullet if tuple(run[gain] for gain in GAINS) in ends)
     return Study(f"{scenario}_fresh", walk, rigid + few)
-
-
-def results(name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Table of a full study in data/results and what made it (call, versions, code). Raises UnknownNameError."""
-    folder = DATA / "results"
-    if not (folder / f"{name}.csv").is_file():
-        raise UnknownNameError("results", name, sorted(path.stem for path in folder.glob("*.csv")))
-    about = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    return read_table(folder / f"{name}.csv"), about
-
-
-def swept(gain: str) -> list[dict[str, float]]:
-    """The six settings of one gain's sweep, the other two zero."""
-    if gain not in GAINS:
-        raise UnknownNameError("gain", gain, list(GAINS))
-    return [{**dict.fromkeys(GAINS, 0.0), gain: level} for level in LEVELS]
-
-
-def five_numbers(table: pd.DataFrame, measure: str, gains: Sequence[Mapping[str, float]]) -> Array:
-    """Minimum, quartiles and maximum of a measure in runs of one engine: (settings, repeats, 5).
-
-    Repeats (starts, layouts) in which a setting is missing or failed are left out. Raises InvalidInputError if none is
-    left.
-    """
-    columns = [f"{measure}_{statistic}" for statistic in ("min", "lower", "median", "upper", "max")]
-    per_setting = []
-    for setting in gains:
-        chosen = table[np.logical_and.reduce([np.isclose(table[name], setting[name]) for name in GAINS])]
-        per_setting.append(chosen[chosen["status"] == "ok"].set_index(["seed", "layout"])[columns].dropna())
-    common = per_setting[0].index
-    for runs in per_setting[1:]:
-        common = common.intersection(runs.index)
-    if len(common) == 0:
-        raise InvalidInputError(f"table: no start or layout has {measure} at all of the {len(gains)} settings")
-    return np.array([runs.loc[common.sort_values()].to_numpy() for runs in per_setting])
-
-
-def panels(tables: Mapping[str, pd.DataFrame], gains: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Array]]:
-    """``five_numbers`` of height, pitch rate and roll rate in several tables, as ``figures.draw_sweep`` takes them.
-
-    A table without any of the ``gains``' runs is left out.
-    """
-    held = {n: t for n, t in tables.items() if all(len(t.merge(pd.DataFrame([setting]))) for setting in gains)}
-    measures = ("height", "pitch_rate", "roll_rate")
-    return {m: {name: five_numbers(table, m, gains) for name, table in held.items()} for m in measures}
-
-
-def statement_verdicts() -> pd.DataFrame:
-    """Every statement of paper A judged from the committed sweeps, as ``hexakin.paper.verdicts`` does."""
-    return verdicts(pd.concat([results(f"{scenario}_sweeps")[0] for scenario in SCENARIOS]))
-
-
-def statements_table() -> str:
-    """Every statement of paper A beside what the committed sweeps found, as the README's markdown table."""
-    return summary(statement_verdicts())

@@ -8,22 +8,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.transforms import Array, check_array
+from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS, SIMPLE
 
 MIN_AGREEMENT = 0.9
 """Share of the repeats that must go the paper's way for it to count as found."""
-
-LEVELS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Values of each gain in the paper's sweeps (A section 5.2); the other two gains are then zero."""
-
-SIMPLE = (0.0, 0.0, 0.0)
-"""The gains (k_z, k_alpha, k_beta) of the paper's simple control, the reference of every change."""
-
-CHOSEN = {"ramp": (0.8, 0.6, 0.0), "testbed": (0.6, 0.4, 0.4)}
-"""The gains (k_z, k_alpha, k_beta) that the paper chooses for each scenario (A section 5.2.3)."""
-
-GAINS = ("k_z", "k_alpha", "k_beta")
 
 KEY = ("scenario", *GAINS, "engine", "time_step", "seed", "layout")
 """Columns that together name one run."""
@@ -232,7 +222,7 @@ def _gains(statement: Statement) -> list[tuple[float, ...]]:
     if statement.kind in CHANGES:
         return [SIMPLE, *named]
     if statement.kind in EXTREMES:
-        return [*named, *(swept(level) for level in LEVELS if level not in statement.at)]
+        return [*named, *(swept(level) for level in GAIN_LEVELS if level not in statement.at)]
     return named
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import InvalidInputError, MissingPackageError
-from hexakin.report_figures import Figure, checks_passed, figure_table, find_pictures, judged_statements
-from hexakin.report_index import write_index
-from hexakin.report_page import Page, title_of, write_page
+from hexakin.report.figure_table import Figure, checks_passed, figure_table, find_pictures, judged_statements
+from hexakin.report.index import write_index
+from hexakin.report.page import Page, title_of, write_page
 
 try:
     import nbclient

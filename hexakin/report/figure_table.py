@@ -16,7 +16,8 @@ from typing import Any
 
 import pandas as pd
 
-from hexakin import paper, studies
+from hexakin.papers import results
+from hexakin.papers.statements import VERDICTS, finding
 
 
 @dataclass(frozen=True)
@@ -120,11 +121,11 @@ class Judged:
 
 def judged_statements() -> dict[str, list[Judged]]:
     """Paper A's statements by the figure they are about, as ``"A Fig. 10"``, judged from the committed results."""
-    table = studies.statement_verdicts()
+    table = results.statement_verdicts()
     statements: dict[str, list[Judged]] = {}
     for _, rows in table.groupby("id", sort=False):
         name = "A Fig. " + rows["figure"].iloc[0].split()[1].rstrip("abc")
-        found = {row.engine: (paper.finding(row), row.verdict) for row in rows.itertuples(index=False)}
+        found = {row.engine: (finding(row), row.verdict) for row in rows.itertuples(index=False)}
         statements.setdefault(name, []).append(Judged(rows["claim"].iloc[0], found))
     return statements
 
@@ -134,6 +135,6 @@ def count_verdicts(statements: Iterable[Judged]) -> dict[str, dict[str, int]]:
     pairs = [(engine, verdict) for s in statements for engine, (_, verdict) in s.found.items()]
     table = pd.DataFrame(pairs, columns=["engine", "verdict"])
     return {
-        engine: {v: int((own["verdict"] == v).sum()) for v in paper.VERDICTS if (own["verdict"] == v).any()}
+        engine: {v: int((own["verdict"] == v).sum()) for v in VERDICTS if (own["verdict"] == v).any()}
         for engine, own in table.groupby("engine")
     }

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from hexakin import provenance
+from hexakin.study import provenance
 from hexakin.exceptions import MissingPackageError
 from hexakin.installation import __version__
-from hexakin.report_figures import Figure, Judged, Picture, count_verdicts
-from hexakin.report_page import Page, now, picture_file, write
+from hexakin.report.figure_table import Figure, Judged, Picture, count_verdicts
+from hexakin.report.page import Page, now, picture_file, write
 
 try:
     import jinja2
 except ImportError as error:
     raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
 
-_TEMPLATE = Path(__file__).with_name("report_index.html")
+_TEMPLATE = Path(__file__).with_name("index.html")
 PACKAGES = (*provenance.PACKAGES, "casadi", "sympy", "pandas", "matplotlib", "meshcat", "nbclient", "nbconvert")
 """Packages whose versions the index gives."""
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import MissingPackageError
-from hexakin.report_figures import Picture
+from hexakin.report.figure_table import Picture
 
 try:
     import latex2mathml.converter
@@ -24,7 +24,7 @@ try:
 except ImportError as error:
     raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
 
-_TEMPLATE = Path(__file__).with_name("report_page.html")
+_TEMPLATE = Path(__file__).with_name("page.html")
 
 
 @dataclass(frozen=True)

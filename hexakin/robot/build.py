@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hexakin.robot import SEGMENT_NAMES, Body, DHRow, Leg, LegTable, Robot, Servo, pi_multiple
-from hexakin.robot_checks import check_body, check_foot
-from hexakin.robot_schema import ANGLE, LENGTH, OFFSET, BodyFields, FieldError, InertiaFields, RobotFields
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.robot.leg_table import DHRow, LegTable, pi_multiple
+from hexakin.robot.model import SEGMENT_NAMES, Body, Leg, Robot, Servo
+from hexakin.robot.plausibility import check_body, check_foot
+from hexakin.robot.schema import ANGLE, LENGTH, OFFSET, BodyFields, FieldError, InertiaFields, RobotFields
 
 _RESERVED = ("ankle", "foot", "spring")  # with a leg's number they are names of the URDF and of the multibody model
 

@@ -18,9 +18,9 @@ from pydantic import ValidationError
 
 from hexakin.exceptions import RobotFileError, UnknownNameError
 from hexakin.installation import DATA
-from hexakin.robot import Robot
-from hexakin.robot_build import build
-from hexakin.robot_schema import FieldError, RobotFields
+from hexakin.robot.build import build
+from hexakin.robot.model import Robot
+from hexakin.robot.schema import FieldError, RobotFields
 
 _LARGEST = 64 * 1024  # characters: ten times the largest shipped file
 _DEEPEST = 32  # levels of nesting: a robot file has six

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.robot import Body
-from hexakin.robot_schema import FieldError
-from hexakin.transforms import Array
+from hexakin.checks import Array
+from hexakin.robot.model import Body
+from hexakin.robot.schema import FieldError
 
 DENSITY = (5.0, 22_600.0)
 """What a body's mass over its box may be [kg/m^3]: from the lightest foam to osmium, the densest solid."""

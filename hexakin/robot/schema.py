@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from hexakin.robot import NUM_JOINTS, pi_multiple
+from hexakin.robot.leg_table import NUM_JOINTS, pi_multiple
 
 
 class FieldError(Exception):

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import yaml
 from pydantic.fields import FieldInfo
 
-from hexakin.robot_schema import Fields, RobotFields
+from hexakin.robot.schema import Fields, RobotFields
 
 _INTRODUCTION = """\
 A robot is a YAML file of these fields. A field is needed unless "without it" says what is assumed.

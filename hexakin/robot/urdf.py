@@ -7,9 +7,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError
-from hexakin.robot import SEGMENT_NAMES, Body, Robot
-from hexakin.transforms import Array, pose
+from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
+from hexakin.transforms import pose
 
 TORSO = "torso"
 # URDF demands a velocity limit; the papers give none, so it is set far beyond any servo.

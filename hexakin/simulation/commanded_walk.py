@@ -2,63 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hexakin.control import Controller, Observation
-from hexakin.dynamics import GRAVITY
-from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics import forward_kinematics
-from hexakin.recording import Recording
-from hexakin.simulation import starting_pose, torso_height
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_number, check_whole, inverse_pose, pose, transform_points
-from hexakin.walker import WalkPlan
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Body and legs at n instants.
-
-    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_body_foot`` (n, L, 3) [m], where the feet's centres should be;
-    ``q`` (n, L, 3) [rad], NaN where no angles lead there; ``carrying`` (n, L), the feet that the ground carries;
-    ``clipped`` (n, L), targets that were out of reach or limits and were left; ``ground_height`` (n, L) [m] below each
-    foot, or None if the terrain says it; ``touch`` [m], how deep a foot in the air may be in the ground.
-    """
-
-    time: Array
-    T_world_body: Array
-    p_body_foot: Array
-    q: Array
-    carrying: NDArray[np.bool_]
-    clipped: NDArray[np.bool_]
-    ground_height: Array | None = None
-    touch: float = 1e-6
-
-
-def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
-    """Return what is checked of a plan, or of a recording: there, what the robot did, on the feet that were loaded."""
-    if isinstance(motion, Motion):
-        return motion
-    if isinstance(motion, WalkPlan):
-        return Motion(
-            motion.time,
-            motion.T_world_body,
-            transform_points(inverse_pose(motion.T_world_body), motion.p_world_foot),
-            motion.q,
-            motion.stance,
-            np.zeros_like(motion.stance),
-            motion.ground_height,
-        )
-    if isinstance(motion, Recording):
-        loaded = motion.foot_force > 0.0  # mean over a tick: a foot that has just lost the ground may still touch it
-        return Motion(
-            motion.time, motion.T_world_body, motion.p_body_foot, motion.q, loaded, motion.limited, touch=2e-3
-        )
-    raise InvalidInputError(f"motion: expected a Motion, WalkPlan or Recording, got {motion!r:.80}")
+from hexakin.checks import Array, check_number, check_whole
+from hexakin.control.interface import Controller, Observation
+from hexakin.kinematics.forward import forward_kinematics
+from hexakin.motion.motion import Motion
+from hexakin.simulation.closed_loop import starting_pose, torso_height
+from hexakin.terrain.base import Terrain
+from hexakin.transforms import pose, transform_points
 
 
 def commanded_walk(
@@ -83,7 +36,7 @@ def commanded_walk(
     world -= gap.min() * T[:3, 2]
     loaded = np.ones(robot.num_legs, dtype=bool)
     while True:
-        weight = np.where(loaded, robot.mass * GRAVITY / max(loaded.sum(), 1), 0.0)
+        weight = np.where(loaded, robot.weight / max(loaded.sum(), 1), 0.0)
         observation = Observation(tick / control_rate, q, weight, torso_height(terrain, T))
         run = run or controller.start(observation, control_rate)
         command = run.command(observation)

@@ -2,52 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.recording import Recording
-from hexakin.transforms import Array, check_array
-from hexakin.walker import WalkPlan
-
-
-class ZMP(NamedTuple):
-    """Zero-moment point: ``xy`` (..., 2) [m], NaN where not ``defined`` (...), that is, where no foot carries."""
-
-    xy: Array
-    defined: NDArray[np.bool_]
-
-
-def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
-    """A(32): the mean of the feet weighted by their normal forces.
-
-    ``p_foot`` (..., L, 2 or 3) [m], ``foot_force`` (..., L) [N], not negative; the result is in the frame of
-    ``p_foot``. As a convex combination it cannot leave the hull of the loaded feet, and it leaves out any
-    force on the torso, so that it means nothing while the torso drags.
-    """
-    feet = np.asarray(p_foot, dtype=float)
-    if feet.ndim < 2 or feet.shape[-1] not in (2, 3):
-        raise InvalidInputError(f"p_foot: expected shape (..., L, 2) or (..., L, 3), got {feet.shape}")
-    feet = check_array("p_foot", feet, feet.shape[-2:], ("leg", "coordinate"))[..., :2]
-    force = check_array("foot_force", foot_force, (feet.shape[-2],), ("leg",))
-    force = np.broadcast_to(force, np.broadcast_shapes(force.shape, feet.shape[:-1]))
-    if (force < 0.0).any():
-        raise InvalidInputError(f"foot_force: {force.min():g} N, expected at least 0")
-    total = force.sum(axis=-1)
-    defined = total > 0.0
-    # A(32)
-    moment = np.einsum("...l,...lk->...k", force, feet)
-    xy = np.divide(moment, total[..., None], out=np.full(moment.shape, np.nan), where=defined[..., None])
-    return ZMP(xy, defined)
-
-
-def zmp(recording: Recording) -> ZMP:
-    """A(32) at every tick of a recording, (n, 2) [m] in the body frame (x to the right for ATHENA)."""
-    return zero_moment_point(recording.p_body_foot, recording.foot_force)
+from hexakin.checks import Array, check_array
+from hexakin.exceptions import InvalidInputError
 
 
 def support_polygon(p: ArrayLike) -> Array | None:
@@ -88,10 +48,10 @@ def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
     corners = check_array("polygon", polygon, (2,), ("coordinate",))
     if p.shape != (2,) or corners.ndim != 2 or len(corners) < 3:
         raise InvalidInputError(f"point, polygon: expected shapes (2,) and (m, 2), got {p.shape} and {corners.shape}")
-    return float(_margins(p[None], corners)[0])
+    return float(margins_in(p[None], corners)[0])
 
 
-def _margins(points: Array, polygon: Array) -> Array:
+def margins_in(points: Array, polygon: Array) -> Array:
     """Margins (n,) of points (n, 2) in one polygon (m, 2)."""
     edge = np.roll(polygon, -1, axis=0) - polygon
     offset = points[:, None, :] - polygon
@@ -100,59 +60,6 @@ def _margins(points: Array, polygon: Array) -> Array:
     distance = np.linalg.norm(offset - along[..., None] * edge, axis=-1).min(axis=-1)
     inside = (edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0] >= 0.0).all(axis=-1)
     return np.where(inside, distance, -distance)
-
-
-def static_margin(plan: WalkPlan) -> Array:
-    """Signed distance (n,) [m] of the body's origin, seen from above, to the edge of the carrying feet.
-
-    For a slow walk, whose support must hold the body at every instant; the origin stands for the centre of mass.
-    At a phase change the feet before it and the feet after it must both hold: the smaller margin counts.
-    NaN where fewer than three feet carry, or feet in line.
-    """
-    origin, result = plan.T_world_body[:, :2, 3], np.full(len(plan.time), np.inf)
-    held = plan.stance[1:] & plan.stance[:-1]  # the feet that carry from one sample to the next
-    feet = np.where(held[..., None], plan.p_world_foot[1:, :, :2], np.inf)
-    starts = np.flatnonzero(np.r_[True, (feet[1:] != feet[:-1]).any(axis=(1, 2))])
-    for start, end in zip(starts, np.r_[starts[1:], len(feet)], strict=True):
-        polygon = support_polygon(plan.p_world_foot[start + 1, held[start]])
-        span = slice(start, end + 1)
-        margins = np.full(end + 1 - start, np.nan) if polygon is None else _margins(origin[span], polygon)
-        result[span] = np.minimum(result[span], margins)  # NaN wins
-    return result
-
-
-@dataclass(frozen=True)
-class StabilitySeries:
-    """Stability at every tick of a recording, (n,) each.
-
-    ``centroid_distance`` and ``margin`` [m] are NaN where not ``defined``: fewer than three feet or feet in
-    line, or no foot loaded. ``body_touches`` marks ticks in which the torso or a limb carries too, where A(32)
-    leaves out a force; leave these out of statistics.
-    """
-
-    centroid_distance: Array
-    margin: Array
-    defined: NDArray[np.bool_]
-    body_touches: NDArray[np.bool_]
-
-
-def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -> StabilitySeries:
-    """Distance from the ZMP to the support polygon's centroid and stability margin (A Figs 18-19).
-
-    The polygon is of the ``"loaded"`` feet, which the ZMP of A(32) cannot leave, or of the feet that are
-    commanded to be in ``"stance"``, which it can.
-    """
-    if feet not in ("loaded", "stance"):
-        raise UnknownNameError("feet", feet, ["loaded", "stance"])
-    point = zmp(recording)
-    if feet == "loaded":
-        carrying = recording.foot_force > 0.0
-    else:
-        # The forces of row k were measured under the command of row k - 1.
-        carrying = np.vstack([recording.stance[:1], recording.stance[:-1]])
-    distance, edge = _centroid_distance_and_margin(point.xy, recording.p_body_foot[..., :2], carrying)
-    touches = (recording.torso_force > 0.0) | (recording.limb_force > 0.0)
-    return StabilitySeries(distance, edge, np.isfinite(distance), touches)
 
 
 def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) -> Array:
@@ -166,10 +73,10 @@ def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) ->
     if feet.ndim != 3 or where.shape != (len(feet), 2) or carry.shape != feet.shape[:2]:
         shapes = f"point {where.shape}, p_foot {feet.shape}, carrying {carry.shape}"
         raise InvalidInputError(f"expected shapes (n, 2), (n, L, 2) and (n, L); got {shapes}")
-    return _centroid_distance_and_margin(where, feet, carry)[1]
+    return centroid_distance_and_margin(where, feet, carry)[1]
 
 
-def _centroid_distance_and_margin(point: Array, feet: Array, carrying: NDArray[np.bool_]) -> tuple[Array, Array]:
+def centroid_distance_and_margin(point: Array, feet: Array, carrying: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Distance (n,) from points (n, 2) to the centroid of the hull of the carrying (n, L) feet (n, L, 2), and A(33).
 
     NaN where support_polygon has none, or the point is NaN. With a handful of feet it is faster to try every pair as an

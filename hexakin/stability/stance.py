@@ -12,12 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin.checks import Array, check_array, check_number, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics import forward_kinematics
-from hexakin.robot import NUM_JOINTS, Robot, check_robot
-from hexakin.stability import margin, support_polygon
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, check_number, read_only, transform_points
+from hexakin.kinematics.forward import forward_kinematics
+from hexakin.robot.leg_table import NUM_JOINTS
+from hexakin.robot.model import Robot, check_robot
+from hexakin.stability.polygon import margin, support_polygon
+from hexakin.terrain.base import Terrain
+from hexakin.transforms import transform_points
 
 _UNIT = 1e-6  # how far from 1 the length of a unit normal may be
 

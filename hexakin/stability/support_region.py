@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
+from hexakin.checks import Array, check_array, check_number, check_whole, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
-from hexakin.stability import margin, support_polygon
-from hexakin.stance import Stance
-from hexakin.transforms import Array, check_array, check_number, check_whole, read_only
+from hexakin.stability.polygon import margin, support_polygon
+from hexakin.stability.stance import Stance
 
 FACETS = 16
 """Edges of the pyramid in each friction cone: at worst 2 % of the friction coefficient are given away.
@@ -221,7 +221,7 @@ def _balance(stance: Stance, torque_limits: bool, facets: int, reach: float) -> 
     equal[3, 1], equal[4, 0] = -1.0, 1.0
     upper, limit = np.zeros((0, width)), np.zeros(0)
     if torque_limits and stance.torque_rows is not None and stance.torque_bounds is not None:
-        from hexakin.dynamics import GRAVITY
+        from hexakin.robot.model import GRAVITY
 
         size = np.linalg.norm(stance.torque_rows, axis=2)
         size = np.where(size > 0.0, size, 1.0)

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
-from hexakin.transforms import Array, check_array
 
 
 def cells(table: pd.DataFrame, measure: str, factors: Sequence[str]) -> Array:

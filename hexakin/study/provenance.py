@@ -10,20 +10,19 @@ import platform
 import subprocess
 from collections.abc import Callable, Iterable, Mapping
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 from hexakin import installation
 from hexakin.installation import DATA, __version__
-from hexakin.tables import Scalar
+from hexakin.study.tables import Scalar
 
 Trial = Callable[..., Mapping[str, Any]]
 
 PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
 """Packages that a result may depend on; their versions are kept with it."""
 
-_RUNNER = ("hexakin.study", "hexakin.journal", "hexakin.provenance", "hexakin.tables", "hexakin.factorial")
-"""What calls a trial and keeps its result, on which the result does not depend."""
+_RUNNER = __name__.rpartition(".")[0]
+"""The package of what calls a trial and keeps its result, on which the result does not depend."""
 
 
 def made_of(trial: Trial) -> tuple[str, ...]:
@@ -33,11 +32,11 @@ def made_of(trial: Trial) -> tuple[str, ...]:
     """
     known = installation.modules()
     if trial.__module__ in known:
-        return tuple(installation.sources([trial.__module__], without=_RUNNER))
+        return tuple(installation.sources([trial.__module__], without=[_RUNNER]))
     drawing = {"matplotlib"}
     while more := {m for m in known if m not in drawing and not drawing.isdisjoint(_tops(installation.imports(m)))}:
         drawing |= more
-    return tuple(name for name in known if name not in drawing and name not in _RUNNER)
+    return tuple(name for name in known if name not in drawing and not name.startswith(_RUNNER))
 
 
 def _tops(names: Iterable[str]) -> set[str]:
@@ -75,7 +74,7 @@ def provenance(trial: Trial) -> dict[str, Any]:
 def machine() -> dict[str, Any]:
     """The machine, and the commit if hexakin is a checkout."""
     found = {"platform": f"{platform.system()} {platform.machine()}", "cores": os.cpu_count()}
-    checkout = Path(__file__).parents[1]
+    checkout = installation.PACKAGE.parent
     if (checkout / ".git").exists():
         with contextlib.suppress(OSError, subprocess.SubprocessError):
             head = ["git", "rev-parse", "HEAD"]

@@ -25,9 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError
-from hexakin.journal import KEPT, Journal, alone, set_aside, write_whole
-from hexakin.provenance import Trial, machine, provenance
-from hexakin.tables import RESERVED, Scalar, read_table, table_text
+from hexakin.study.journal import KEPT, Journal, alone, set_aside, write_whole
+from hexakin.study.provenance import Trial, machine, provenance
+from hexakin.study.tables import RESERVED, Scalar, read_table, table_text
 
 try:
     import joblib

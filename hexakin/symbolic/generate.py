@@ -1,6 +1,6 @@
 """Numeric code of a leg type, written from its symbolic kinematics for three machines.
 
-One program of assignments (``hexakin.code_program``) is printed three times:
+One program of assignments (``hexakin.symbolic.program``) is printed three times:
 
 - *scalar*: Python's floats, leg by leg, for one pose;
 - *arrays*: NumPy, for blocks that fit the cache;
@@ -13,18 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
-from hexakin.array_code import array_code
-from hexakin.code_program import Program, Statement, angle, program_of_angles, program_of_feet
 from hexakin.exceptions import NoClosedFormError
-from hexakin.installation import DATA
-from hexakin.robot import LegTable
-from hexakin.robot_file import load_robot
-from hexakin.symbolic import LegKinematics, derive
+from hexakin.robot.leg_table import LegTable
+from hexakin.symbolic.leg import LegKinematics, derive
+from hexakin.symbolic.numpy_code import array_code
+from hexakin.symbolic.program import Program, Statement, angle, program_of_angles, program_of_feet
 
 
 class _Printer(PythonCodePrinter):
@@ -259,36 +256,12 @@ def generate(table: LegTable) -> Sources:
     head = _HEAD.format(what="Kinematics", key=table.type_key)
     head += (
         "\nimport numpy\nfrom numpy import absolute, add, copyto, maximum, multiply, negative, power, subtract\n"
-        f"\nfrom hexakin.elementary import PER_TURN, TURN, angle, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
+        f"\nfrom hexakin.numerics.trigonometry import PER_TURN, TURN, angle, sincos\n\nCLOSED_FORM = {closed}\n\n\n"
     )
     loops_head = _HEAD.format(what="Compiled loops", key=table.type_key)
     loops_head += (
         "\nimport numpy\n\n"
-        "from hexakin.compiled_elementary import angle, contracted, kernel, maximum, rounded, sincos\n"
-        "from hexakin.elementary import PER_TURN, TURN\n\n\n"
+        "from hexakin.numerics.trigonometry_loops import angle, contracted, kernel, maximum, rounded, sincos\n"
+        "from hexakin.numerics.trigonometry import PER_TURN, TURN\n\n\n"
     )
     return Sources((head + numeric).rstrip() + "\n", (loops_head + loops).rstrip() + "\n")
-
-
-def generated_files() -> dict[str, str]:
-    """Return file name -> text of ``hexakin.generated`` for the leg types of all shipped robots."""
-    files: dict[str, str] = {}
-    modules: dict[str, tuple[str, str]] = {}
-    for path in sorted((DATA / "robots").glob("*.yaml")):
-        table = load_robot(path).table
-        if table.type_key not in modules:
-            modules[table.type_key] = (f"hexakin.generated.{path.stem}", f"hexakin.generated.{path.stem}_loops")
-            sources = generate(table)
-            files[f"{path.stem}.py"], files[f"{path.stem}_loops.py"] = sources.numeric, sources.loops
-    entries = "".join(f'    "{key}": ("{numeric}", "{loops}"),\n' for key, (numeric, loops) in modules.items())
-    files["__init__.py"] = (
-        '"""Generated kinematics of the shipped leg types, each named after the first robot that has it."""\n\n'
-        f'MODULES = {{\n{entries}}}\n"""The modules of a leg type, numeric and loops, by its key."""\n'
-    )
-    return files
-
-
-def write_generated_files() -> None:
-    """Rewrite ``hexakin.generated``."""
-    for name, text in generated_files().items():
-        (Path(__file__).with_name("generated") / name).write_text(text, encoding="utf-8")

@@ -1,6 +1,6 @@
 """Symbolic kinematics of a leg, derived by sympy from its Denavit-Hartenberg table.
 
-``derive`` gives the expressions; ``hexakin.code_generation`` turns them into numeric code. That of the shipped leg
+``derive`` gives the expressions; ``hexakin.symbolic.generate`` turns them into numeric code. That of the shipped leg
 types lies in ``hexakin.generated``, rewritten by ``python -m hexakin.symbolic``; a leg type that is not there is
 derived when it is first used. Only this module, ``code_program`` and ``code_generation`` import sympy.
 """
@@ -16,7 +16,7 @@ import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
 from hexakin.exceptions import NoClosedFormError
-from hexakin.robot import NUM_JOINTS, LegTable, pi_multiple
+from hexakin.robot.leg_table import NUM_JOINTS, LegTable, pi_multiple
 
 
 @dataclass(frozen=True)
@@ -233,9 +233,3 @@ def _planar_terms(expression: sp.Expr, q2: sp.Symbol, q3: sp.Symbol) -> _PlanarT
     if any(term.has(q2, q3) for term in (c2, c23, s2, s23, constant)):
         return None
     return _PlanarTerms(constant, (c2, c23), (s2, s23))
-
-
-if __name__ == "__main__":
-    from hexakin.code_generation import write_generated_files
-
-    write_generated_files()

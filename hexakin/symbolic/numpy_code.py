@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from hexakin.code_program import Statement, angle
+from hexakin.symbolic.program import Statement, angle
 
 ANGLE_ROWS = 3
-"""Rows that ``hexakin.elementary.angle`` works on, beside its result's."""
+"""Rows that ``hexakin.numerics.trigonometry.angle`` works on, beside its result's."""
 
 _FUNCTIONS = {"Max": "maximum", "Abs": "absolute"}
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from hexakin.symbolic import LegKinematics
+from hexakin.symbolic.leg import LegKinematics
 
 Statement = tuple[sp.Symbol, sp.Expr]
 

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, check_number, check_whole, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain import Box, HalfSpace, check_points
-from hexakin.transforms import Array, check_array, check_number, check_whole, read_only
+from hexakin.terrain.base import Box, HalfSpace, check_points
 
 _MAX_BLOCKS = 100_000  # assumed: far beyond any walk; an engine holds every block as a body of its own
 _BOTTOM = -0.1  # [m] assumed: blocks reach so far into the ground that nothing slips between the two

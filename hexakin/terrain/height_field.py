@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain import TriangleMesh, check_points
-from hexakin.transforms import Array, check_array, read_only
+from hexakin.terrain.base import TriangleMesh, check_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hexakin.checks import Array, check_array, check_whole, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.transforms import Array, check_array, check_whole, read_only
 
 
 def _zero(*arguments: Array) -> Array:

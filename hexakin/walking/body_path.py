@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.course import Course
-from hexakin.transforms import Array, rotation_between, rpy_rotation
+from hexakin.checks import Array
+from hexakin.transforms import rotation_between, rpy_rotation
+from hexakin.walking.foot_tracks import Course
 
 
 def body_poses(

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin.checks import Array
 from hexakin.exceptions import ClearanceError, InvalidInputError
-from hexakin.gait import Gait
-from hexakin.kinematics import forward_kinematics
-from hexakin.leg_curves import LegCurves
-from hexakin.robot import Robot
-from hexakin.swing import adapted_cycloid
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, axis_rotation
+from hexakin.kinematics.forward import forward_kinematics
+from hexakin.robot.model import Robot
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.leg_curves import LegCurves
+from hexakin.transforms import axis_rotation
+from hexakin.walking.gait import Gait
+from hexakin.walking.swing import adapted_cycloid
 
 START_OFFSETS = ("stable", "B15", "B16")
 MAX_ARCH = 4.0

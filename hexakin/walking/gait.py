@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hexakin.checks import Array, check_array, check_number
 from hexakin.exceptions import InvalidInputError, UnknownNameError
-from hexakin.kinematics import forward_kinematics
-from hexakin.robot import Robot, check_robot
-from hexakin.transforms import Array, check_array, check_number
+from hexakin.kinematics.forward import forward_kinematics
+from hexakin.robot.model import Robot, check_robot
 
 _ROUNDING = 1e-9  # of a cycle
 

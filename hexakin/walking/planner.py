@@ -6,69 +6,29 @@ advances by the mean step of the six legs (B(24), whose half period is half a st
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hexakin.body_motion import body_poses
-from hexakin.course import START_OFFSETS, Course, swing_arches
-from hexakin.exceptions import InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
-from hexakin.gait import Gait, tripod
-from hexakin.kinematics import (
-    InverseSolution,
-    forward_kinematics,
-    path_inverse_kinematics,
-    standing_height,
-)
-from hexakin.leg_curves import LegCurves
-from hexakin.robot import Robot, check_robot
-from hexakin.swing import adapted_cycloid
-from hexakin.terrain import Terrain
-from hexakin.transforms import (
-    Array,
-    check_array,
-    check_number,
-    check_whole,
-    inverse_pose,
-    transform_points,
-)
+from hexakin.checks import Array, check_array, check_number, check_whole
+from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
+from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.model import Robot, check_robot
+from hexakin.terrain.base import Terrain
+from hexakin.terrain.leg_curves import LegCurves
+from hexakin.transforms import inverse_pose, transform_points
+from hexakin.walking.body_path import body_poses
+from hexakin.walking.foot_tracks import START_OFFSETS, Course, swing_arches
+from hexakin.walking.gait import Gait, tripod
+from hexakin.walking.swing import adapted_cycloid
 
 BODY_MOTIONS = ("fixed", "sinusoidal")
 HEIGHT_REFERENCES = ("footholds", "start")
 ORIENTATIONS = ("level", "parallel")
-
-
-@dataclass(frozen=True, eq=False)
-class WalkPlan:
-    """A planned walk of n samples, L legs and k steps.
-
-    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_world_foot`` (n, L, 3) [m], the feet that the leg's kinematics
-    moves (the centre of a spherical foot); ``q`` (n, L, 3) [rad], NaN where not ``reachable`` (n, L);
-    ``within_limits`` (n, L); ``stance`` (n, L); ``footholds`` (k + 1, L, 3) [m], where the feet touch the ground;
-    ``ground_height`` (n, L) [m] of the terrain below (or above) each foot; ``arch`` (k, L), the height of each swing
-    in heights of the paper's cycloid; ``foot_radius`` [m]; ``parameters`` of ``plan_walk``.
-    """
-
-    time: Array
-    T_world_body: Array
-    p_world_foot: Array
-    q: Array
-    stance: NDArray[np.bool_]
-    reachable: NDArray[np.bool_]
-    within_limits: NDArray[np.bool_]
-    footholds: Array
-    ground_height: Array
-    arch: Array
-    foot_radius: float
-    parameters: Mapping[str, Any]
-
-    @property
-    def clearance(self) -> Array:
-        """Height (n, L) [m] of each foot's lowest point above the ground; negative where a swing cuts through it."""
-        return self.p_world_foot[..., 2] - self.foot_radius - self.ground_height
 
 
 @dataclass(frozen=True)
@@ -190,7 +150,7 @@ def plan_walk(
     solution = path_inverse_kinematics(robot, transform_points(inverse_pose(T_world_body), p_world_foot))
     time = step_duration * progress
     if on_failure == "raise":
-        refuse_impossible(robot, solution, time)
+        raise_if_impossible(robot, solution, time)
     return WalkPlan(
         time=time,
         T_world_body=T_world_body,
@@ -238,25 +198,6 @@ def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
 
 def _largest(values: Array) -> float:
     return float(values.max()) if values.size else float("nan")
-
-
-def refuse_impossible(robot: Robot, solution: InverseSolution, time: Array) -> None:
-    """Raise UnreachableError for the first instant out of reach, else JointLimitError for the first out of the limits.
-
-    ``solution`` is of n instants (n, L, 3), at ``time`` (n,) [s].
-    """
-    if not solution.reachable.all():
-        at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])
-        low, high = solution.reach[at, leg]
-        raise UnreachableError(
-            leg + 1, float(solution.distance[at, leg]), (float(low), float(high)), time=float(time[at])
-        )
-    if not solution.within_limits.all():
-        at, leg = (int(i) for i in np.argwhere(~solution.within_limits)[0])
-        q, low, high = solution.q[at, leg], robot.q_min[leg], robot.q_max[leg]
-        joint = int(np.argmax(np.maximum(low - q, q - high)))
-        limits = (float(low[joint]), float(high[joint]))
-        raise JointLimitError(leg + 1, robot.table.joints[joint], float(q[joint]), limits, float(time[at]))
 
 
 def _check(arguments: dict[str, Any]) -> Gait:

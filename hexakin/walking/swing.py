@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.transforms import Array
+from hexakin.checks import Array
 
 
 def bezier(control: ArrayLike, phase: ArrayLike) -> Array:

@@ -28,9 +28,9 @@ from pathlib import Path
 
 from comparison import Row, table
 
-from hexakin import __version__
-from hexakin.journal import write_whole
-from hexakin.provenance import machine
+from hexakin.installation import __version__
+from hexakin.study.journal import write_whole
+from hexakin.study.provenance import machine
 
 BENCHMARKS = (
     "kinematics", "derivation", "rigid_engine", "import_time", "plan_walk", "feasibility_check", "study_workers",

@@ -14,7 +14,7 @@ from comparison import alone, compared, interleaved, timed
 
 import hexakin as hk
 from hexakin.feasibility import check
-from hexakin.feasibility.motion import motion_of
+from hexakin.motion.motion import motion_of
 
 INSTANTS = 1000
 

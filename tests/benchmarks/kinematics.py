@@ -20,7 +20,7 @@ from comparison import alone, compared, interleaved, timed
 from precision import check, without_numba
 
 import hexakin as hk
-from hexakin import batch_kinematics
+from hexakin.kinematics import evaluation
 
 athena = hk.load_robot("athena")
 SIZES = {1: 21, 10**3: 21, 10**5: 15, 10**6: 9}  # poses: repetitions
@@ -32,7 +32,7 @@ BATCH_BARS = {
     ("inverse", NUMPY): 0.40,
 }
 TEXTBOOK = "textbook NumPy"
-COMPILE = "import hexakin as hk; from hexakin.batch_kinematics import prepare; prepare(hk.load_robot('athena'))"
+COMPILE = "import hexakin as hk; from hexakin.kinematics.evaluation import prepare; prepare(hk.load_robot('athena'))"
 SPAN = 0.02  # [s] that a timing takes at least, of many calls if one is short: caches are warm, as in a loop
 TOLERANCE, SEARCHED = 1e-10, 1e-6  # [m], [m/rad] of formulas; [m] of the foot that a search ends at
 
@@ -41,7 +41,7 @@ def measure(quick=False):
     """Rows of all functions and sizes."""
     # In the process that compiles it, the inverse runs at less than half of the speed that it has from then on.
     subprocess.run([sys.executable, "-c", COMPILE], check=True)
-    batch_kinematics.prepare(athena)
+    evaluation.prepare(athena)
     check(600 if quick else 100_000)
     rng = np.random.default_rng(5)
     codes = peers.codes(athena)

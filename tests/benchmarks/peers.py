@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from comparison import installed
 
-from hexakin.urdf import to_urdf
+from hexakin.robot.urdf import to_urdf
 
 MANY = 1_000_000
 """Poses that every code with batches is timed on."""

@@ -13,7 +13,7 @@ import mpmath
 import numpy as np
 
 import hexakin as hk
-from hexakin import batch_kinematics
+from hexakin.kinematics import evaluation
 
 athena = hk.load_robot("athena")
 LENGTH = athena.parameters[:, 1:].sum(axis=1).min()  # [m] from the body's origin to the stretched leg's foot
@@ -23,11 +23,11 @@ FORWARD_ULP, INVERSE_RESIDUAL = 4.0, 1e-14  # units in the last place of LENGTH;
 @contextlib.contextmanager
 def without_numba():
     """Keep the compiled loops away."""
-    loops, batch_kinematics._loops = batch_kinematics._loops, lambda *_: None
+    loops, evaluation._loops = evaluation._loops, lambda *_: None
     try:
         yield
     finally:
-        batch_kinematics._loops = loops
+        evaluation._loops = loops
 
 
 def forward_errors(rng, count):
@@ -71,7 +71,7 @@ def inverse_residuals(rng, count):
 def check(leg_poses=100_000):
     """Print the errors; AssertionError if one is too large."""
     rng = np.random.default_rng(5)
-    batch_kinematics.prepare(athena)
+    evaluation.prepare(athena)
     count = leg_poses // 6 + 1
     for name, value in forward_errors(rng, count).items():
         print(f"forward, {name}: error at most {value:.2f} ulp of {LENGTH:.3f} m in {6 * count} leg poses")

@@ -23,8 +23,8 @@ from comparison import alone, compared, installed, interleaved, timed
 
 import hexakin as hk
 from hexakin.engines import engine_class
-from hexakin.simulation import starting_pose
-from hexakin.urdf import to_urdf
+from hexakin.robot.urdf import to_urdf
+from hexakin.simulation.closed_loop import starting_pose
 
 SECONDS, STEPS_PER_TICK = 4.0, 50
 BARE = "pybullet, no sensors"

@@ -18,7 +18,7 @@ from comparison import alone, compared
 CYCLES, RUNS = 12, 8
 PROGRAM = """
 import json, sys, time
-from hexakin.experiments import walk
+from hexakin.papers.scenarios import walk
 from hexakin.study import Study, grid, run
 
 folder, jobs, cycles, runs = sys.argv[1], *map(int, sys.argv[2:])

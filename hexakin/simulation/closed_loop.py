@@ -10,15 +10,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.control import Command, Controller, Observation
+from hexakin.checks import Array, check_array, check_number, check_whole
+from hexakin.control.interface import Command, Controller, Observation
 from hexakin.engines import Engine, Reading, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import __version__
-from hexakin.kinematics import forward_kinematics, standing_height
-from hexakin.recording import Recording
-from hexakin.robot import Robot, check_robot
-from hexakin.terrain import Terrain
-from hexakin.transforms import Array, check_array, check_number, check_whole, pose, rotation_between
+from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.motion.recording import Recording
+from hexakin.robot.model import Robot, check_robot
+from hexakin.terrain.base import Terrain
+from hexakin.transforms import pose, rotation_between
 
 _START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
 

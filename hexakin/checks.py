@@ -1,0 +1,76 @@
+"""Checks that public functions make of their arguments, and the type of an array."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hexakin.exceptions import InvalidInputError
+
+Array = NDArray[np.float64]
+
+
+def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
+    """Coerce to a float array whose last axes are ``trailing``, all finite.
+
+    ``labels`` name these axes in the message, such as ``("leg", "joint")``; numbers in messages
+    count from 1. Raises InvalidInputError naming the argument and the first bad element.
+    """
+    if np.iscomplexobj(value):
+        raise InvalidInputError(f"{name}: expected real numbers, got complex ones")
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name}: expected numbers, got {type(value).__name__} ({error})") from error
+    if array.shape[array.ndim - len(trailing) :] != trailing or array.ndim < len(trailing):
+        expected = "(..., " + ", ".join(map(str, trailing)) + ")"
+        raise InvalidInputError(f"{name}: expected shape {expected}, got {array.shape}")
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        last = index[len(index) - len(trailing) :]
+        place = ", ".join(f"{label} {i + 1}" for label, i in zip(labels, last, strict=False)) or f"index {index}"
+        leading = index[: len(index) - len(trailing)]
+        at = f" (at index {', '.join(map(str, leading))})" if leading else ""
+        raise InvalidInputError(f"{name}: {place} is {array[index]}, expected a finite number{at}")
+    return array
+
+
+def check_number(
+    name: str,
+    value: float,
+    *,
+    above: float = -np.inf,
+    at_least: float = -np.inf,
+    at_most: float = np.inf,
+    unit: str = "",
+) -> float:
+    """Return ``value`` as a float if it is finite and within its bounds; else raise InvalidInputError."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name}: expected a number, got {value!r}") from error
+    if not (np.isfinite(number) and number > above and at_least <= number <= at_most):
+        bounds = []
+        if np.isfinite(above):
+            bounds.append(f"above {above:g}")
+        if np.isfinite(at_least):
+            bounds.append(f"at least {at_least:g}")
+        if np.isfinite(at_most):
+            bounds.append(f"at most {at_most:g}")
+        wanted = " and ".join(bounds) or "finite"
+        raise InvalidInputError(f"{name}: {number:g}{' ' + unit if unit else ''}, expected {wanted}")
+    return number
+
+
+def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
+    """Return ``value`` as an int if it is a whole number of at least ``at_least``; else raise InvalidInputError."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < at_least:
+        raise InvalidInputError(f"{name}: {value!r}, expected a whole number of at least {at_least}")
+    return int(value)
+
+
+def read_only(value: ArrayLike) -> Array:
+    """Return a copy that cannot be written to."""
+    array = np.array(value, dtype=float)
+    array.setflags(write=False)
+    return array

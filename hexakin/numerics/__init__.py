@@ -1,0 +1,1 @@
+"""Trigonometry of arrays, and numba with a cache that is checked."""

@@ -1,0 +1,1 @@
+"""What the notebooks of the two papers need: scenarios, studies, statements, verdicts. Nothing else imports it."""

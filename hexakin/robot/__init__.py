@@ -1,0 +1,1 @@
+"""What a robot is: its model, and its files in and out."""

@@ -1,0 +1,88 @@
+"""Level ground and ramps (A Fig. 9a)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hexakin.checks import Array, check_number
+from hexakin.terrain.base import HalfSpace, check_points
+
+
+class _Planes:
+    """A terrain that is the union of half spaces, so that its height is the largest of its planes'."""
+
+    def shapes(self) -> tuple[HalfSpace, ...]:
+        raise NotImplementedError
+
+    def _planes(self) -> tuple[Array, Array]:
+        shapes = self.shapes()
+        return np.array([s.point for s in shapes]), np.array([s.normal for s in shapes])
+
+    def _heights(self, x: ArrayLike, y: ArrayLike) -> Array:
+        point, normal = self._planes()
+        px, py = check_points(x, y)
+        dx, dy = px[..., None] - point[:, 0], py[..., None] - point[:, 1]
+        return point[:, 2] - (normal[:, 0] * dx + normal[:, 1] * dy) / normal[:, 2]
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground [m]."""
+        return self._heights(x, y).max(axis=-1)
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Unit normal out of the ground, (..., 3)."""
+        return self._planes()[1][self._heights(x, y).argmax(axis=-1)]
+
+    def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
+        """Distance [m] to the ground along a ray; negative where the origin is under the ground, inf if it misses."""
+        point, normal = self._planes()
+        gap = np.einsum("...pi,pi->...p", np.asarray(origin, dtype=float)[..., None, :] - point, normal)
+        speed = -np.einsum("...i,pi->...p", np.asarray(direction, dtype=float), normal)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(speed > 0.0, gap / speed, np.where(gap >= 0.0, np.inf, -np.inf))
+        return distance.min(axis=-1)
+
+
+@dataclass(frozen=True)
+class Plane(_Planes):
+    """Level ground at ``z`` [m]."""
+
+    z: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("Plane: z", self.z, unit="m")
+
+    def shapes(self) -> tuple[HalfSpace, ...]:
+        """Return the one half space below ``z``."""
+        return (HalfSpace((0.0, 0.0, self.z), (0.0, 0.0, 1.0)),)
+
+
+@dataclass(frozen=True)
+class Ramp(_Planes):
+    """A ramp that rises at ``slope`` [rad] along ``heading`` [rad] (from the x axis; pi/2 is +y).
+
+    With ``start`` [m] the ground is level up to that distance from the origin and rises from there;
+    without, it is inclined everywhere and passes through the origin. The defaults are paper A's
+    10 degrees along its walking direction (A Fig. 9a).
+    """
+
+    slope: float = np.pi / 18.0
+    start: float | None = None
+    heading: float = np.pi / 2.0
+
+    def __post_init__(self) -> None:
+        check_number("Ramp: slope", self.slope, at_least=-np.pi / 3, at_most=np.pi / 3, unit="rad")
+        check_number("Ramp: heading", self.heading, unit="rad")
+        if self.start is not None:
+            check_number("Ramp: start", self.start, unit="m")
+            check_number("Ramp: slope", self.slope, at_least=0.0, unit="rad")
+
+    def shapes(self) -> tuple[HalfSpace, ...]:
+        """Return the inclined half space and, with ``start``, the level one before it."""
+        along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        x, y, _ = (float(value) for value in along)
+        begin, rise = self.start or 0.0, float(np.sin(self.slope))
+        inclined = HalfSpace((begin * x, begin * y, 0.0), (-rise * x, -rise * y, float(np.cos(self.slope))))
+        return (inclined,) if self.start is None else (HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), inclined)

@@ -1,0 +1,1 @@
+"""Gaits, swing curves and paper B's planner."""

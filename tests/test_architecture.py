@@ -1,0 +1,119 @@
+"""The package's structure: its layers, no circles, few entries, one table of public names."""
+
+import importlib
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import hexakin as hk
+from hexakin import installation
+
+ROOT = Path(__file__).resolve().parent.parent
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+PLANNED = {"learning", "py.typed"}
+DRAWERS = {"utils", "util", "common", "helpers", "misc", "tools"}
+
+
+def lint_imports(folder, *arguments):
+    """Run the contracts of a folder's pyproject.toml on the package in it."""
+    program = Path(sys.executable).with_name("lint-imports")
+    command = [str(program), "--no-cache", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env={"PATH": "", "PYTHONPATH": "."})
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    root = tmp_path_factory.mktemp("architecture")
+    shutil.copytree(installation.PACKAGE, root / "hexakin", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", root)
+    return root
+
+
+@pytest.mark.parametrize(
+    "file, line, contract",
+    [
+        ("kinematics/inverse.py", "from hexakin.papers import gains", "A package knows only what lies below it"),
+        ("kinematics/inverse.py", "def late():\n    import hexakin.papers.gains", "A package knows only"),
+        ("simulation/closed_loop.py", "from hexakin.papers.gains import GAINS", "A package knows only"),
+        ("study/runner.py", "from hexakin.robot.file import load_robot", "The study runner knows no robot"),
+        ("kinematics/forward.py", "import sympy", "sympy derives"),
+        ("stability/polygon.py", "def late():\n    import casadi", "casadi checks feasibility"),
+        ("motion/measures.py", "from matplotlib import pyplot", "matplotlib draws"),
+        ("robot/model.py", "from hexakin.robot.file import load_robot", "No circle inside a package"),
+    ],
+)
+def test_an_import_that_climbs_breaks_a_contract(copied, file, line, contract):
+    path = copied / "hexakin" / file
+    text = path.read_text(encoding="utf-8")
+    path.write_text(f"{text}\n\n{line}\n", encoding="utf-8")
+    try:
+        done = lint_imports(copied)
+    finally:
+        path.write_text(text, encoding="utf-8")
+    assert done.returncode == 1
+    assert any(contract in row and "BROKEN" in row for row in done.stdout.splitlines()), done.stdout
+
+
+def test_the_contracts_hold(copied):
+    done = lint_imports(copied)
+    assert done.returncode == 0, done.stdout
+    assert f"{len(CONTRACTS)} kept, 0 broken" in done.stdout
+
+
+def test_make_test_runs_the_contracts():
+    assert (
+        "lint-imports" in (ROOT / "Makefile").read_text(encoding="utf-8").partition("\ntest:")[2].partition("\n\n")[0]
+    )
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """By a walk over the syntax trees, imports inside functions included."""
+    known = installation.modules()
+    reached: dict[str, set[str]] = {}
+
+    def visit(module, above):
+        assert module not in above, f"a circle: {' -> '.join([*above[above.index(module) :], module])}"
+        if module not in reached:
+            below = [name for name in installation.imports(module) if name in known]
+            reached[module] = set(below).union(*(visit(name, [*above, module]) for name in below))
+        return reached[module]
+
+    for module in known:
+        if module != hk.__name__:  # it only maps names, which are strings
+            visit(module, [])
+    assert len(reached["hexakin.report.__main__"]) > 30
+
+
+def test_only_the_report_and_the_command_line_import_the_papers():
+    importers = {
+        name
+        for name in installation.modules()
+        if any(of.startswith("hexakin.papers") for of in installation.imports(name))
+        and not name.startswith("hexakin.papers")
+        and name != hk.__name__  # it only maps names
+    }
+    assert {name.split(".")[1] for name in importers} <= {"report", "__main__"}
+
+
+def test_the_package_has_few_entries_now_and_after_what_is_planned_and_no_drawer():
+    entries = {path.name for path in installation.PACKAGE.iterdir() if path.name != "__pycache__"}
+    assert len(entries | PLANNED) <= 30
+    assert not {name.partition(".")[0] for name in entries} & DRAWERS
+
+
+def test_every_package_is_in_one_layer():
+    layers = [name.strip(" ()") for layer in CONTRACTS[0]["layers"] for name in layer.split("|")]
+    there = {path.stem for path in installation.PACKAGE.iterdir() if path.suffix in ("", ".py")}
+    there -= {"__init__", "__pycache__"}
+    assert len(layers) == len(set(layers)) and set(layers) == there | {"learning"}
+
+
+def test_a_public_name_is_what_its_path_says():
+    for name, place in hk.PUBLIC.items():
+        module, _, attribute = place.partition(":")
+        value = importlib.import_module(module)
+        assert getattr(hk, name) is (getattr(value, attribute) if attribute else value)
