@@ -50,9 +50,10 @@ notebooks: $(VENV)/installed
 environment: $(VENV)/installed
 	$(RUN) uv pip compile --quiet --upgrade --universal --python-version 3.11 --all-extras --no-header pyproject.toml -o environment.txt
 
-# For maintainers: derive the kinematics of the shipped robots again.
+# For maintainers: derive the kinematics of the shipped robots again, and write the types of the public names.
 generated: $(VENV)/installed
 	$(RUN) hexakin.symbolic
+	$(VENV)/bin/python tests/public_stub.py
 
 clean:
 	rm -rf $(VENV) report build dist

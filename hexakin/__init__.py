@@ -27,6 +27,7 @@ PUBLIC = {
     "Recording": "hexakin.motion.recording:Recording",
     "load_recording": "hexakin.motion.recording:load_recording",
     "animation": "hexakin.animation",
+    "clearance": "hexakin.motion.clearance",
     "contact": "hexakin.contact",
     "dynamics": "hexakin.dynamics",
     "engines": "hexakin.engines",

@@ -65,10 +65,10 @@ def sources(roots: Iterable[str], *, without: Iterable[str] = ()) -> dict[str, P
     return dict(sorted(found.items()))
 
 
-def digest(names: Iterable[str]) -> str:
-    """Checksum of what modules of hexakin do: of their code without comments and docstrings."""
+def digest(roots: Iterable[str], *, without: Iterable[str] = ()) -> str:
+    """Checksum of what ``sources`` of some modules do: of their code without comments and docstrings."""
     total = hashlib.sha256()
-    for module in sorted(names):
+    for module in sources(roots, without=without):
         total.update(f"{module}\n{_code(module)}\n".encode())
     return total.hexdigest()
 

@@ -8,10 +8,13 @@ import numpy as np
 
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.leg_functions import closed_form, reach
+from hexakin.motion.clearance import torso_gaps
 from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
 from hexakin.robot.plausibility import most_inertia, principal_moments
 from hexakin.stability.polygon import margin as edge_distance
 from hexakin.stability.polygon import support_polygon
+from hexakin.terrain.planes import Plane
+from hexakin.transforms import pose
 from hexakin.walking.gait import tripod
 
 _LEVEL = 1e-3  # [m] between the highest and the lowest foot of the standing pose
@@ -75,9 +78,15 @@ def _reach(robot: Robot) -> Iterator[str]:
         yield f"  {which}: {1e3 * inner:.1f} to {1e3 * outer:.1f} mm, {1e3 * low:.1f} to {1e3 * high:.1f} mm"
 
 
+def _torso_clearance(robot: Robot) -> float:
+    """Gap [m] between torso and ground in the standing pose."""
+    return float(torso_gaps(robot, Plane(), pose(np.eye(3), [0.0, 0.0, standing_height(robot)])))
+
+
 def _standing(robot: Robot) -> Iterator[str]:
     margins = np.rad2deg(np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q).min(axis=-1))
     yield f"standing, the body's origin {1e3 * standing_height(robot):.1f} mm above the ground"
+    yield f"  torso's underside {1e3 * _torso_clearance(robot):.1f} mm above the ground"
     for leg, foot, margin in zip(robot.legs, forward_kinematics(robot, robot.standing_q), margins, strict=True):
         place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in foot)
         yield f"  {leg.name:15} foot at ({place}) mm, {margin:.1f} deg from the nearest joint limit"
@@ -118,9 +127,9 @@ def _standing_remarks(robot: Robot) -> Iterator[str]:
     if np.ptp(heights) > _LEVEL:
         leg = int(heights.argmax()) + 1
         yield f"standing: the feet are not level, leg {leg}'s is {1e3 * np.ptp(heights):.3g} mm above the lowest"
-    underside = standing_height(robot) + robot.torso.center_of_mass[2] - robot.torso.size[2] / 2.0
-    if underside <= 0.0:
-        yield f"standing: the torso's underside is {-1e3 * underside:.3g} mm below the ground"
+    torso_clearance = _torso_clearance(robot)
+    if torso_clearance <= 0.0:
+        yield f"standing: the torso's underside is {-1e3 * torso_clearance:.3g} mm below the ground"
     margins = np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q)
     if margins.min() < _MARGIN:
         leg, joint = (int(index) for index in np.unravel_index(int(margins.argmin()), margins.shape))

@@ -8,10 +8,18 @@ from numpy.typing import ArrayLike
 from hexakin.checks import Array
 
 
+def cross_matrix(vector: ArrayLike) -> Array:
+    """Matrices (..., 3, 3) that take v to ``vector`` x v, for vectors (..., 3)."""
+    v = np.asarray(vector, dtype=float)
+    matrix = np.zeros((*v.shape, 3))
+    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
+    matrix[..., 1, 2], matrix[..., 2, 0], matrix[..., 0, 1] = -v[..., 0], -v[..., 1], -v[..., 2]
+    return matrix
+
+
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) by ``angle`` [rad] about the unit vector ``axis`` (Rodrigues' formula)."""
-    x, y, z = np.asarray(axis, dtype=float)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(axis)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
 
 
@@ -37,9 +45,7 @@ def rotation_between(a: ArrayLike, b: ArrayLike) -> Array:
     w = np.cross(u, v)
     cosine = np.einsum("...i,...i->...", u, v)
     opposed = cosine < -1.0 + 1e-12
-    zero = np.zeros_like(cosine)
-    x, y, z = w[..., 0], w[..., 1], w[..., 2]
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*cosine.shape, 3, 3)
+    cross = cross_matrix(w)
     rotation = np.eye(3) + cross + cross @ cross / np.where(opposed, 1.0, 1.0 + cosine)[..., None, None]
     if opposed.any():
         least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]

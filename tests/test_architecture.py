@@ -7,6 +7,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import public_stub
 import pytest
 
 import hexakin as hk
@@ -110,6 +111,10 @@ def test_every_package_is_in_one_layer():
     there = {path.stem for path in installation.PACKAGE.iterdir() if path.suffix in ("", ".py")}
     there -= {"__init__", "__pycache__"}
     assert len(layers) == len(set(layers)) and set(layers) == there | {"learning"}
+
+
+def test_editors_and_type_checkers_know_the_same_public_names():
+    assert public_stub.STUB.read_text(encoding="utf-8") == public_stub.text(), "make generated"
 
 
 def test_a_public_name_is_what_its_path_says():

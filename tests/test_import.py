@@ -36,6 +36,11 @@ def test_a_simulation_loads_only_its_engine():
     assert loaded_after("import hexakin.engines.rigid_engine") == ["pinocchio", "numba"]
 
 
+def test_drawing_loads_no_package_that_computes():
+    for name in ("animation", "figures"):
+        assert not {"casadi", "sympy", "pinocchio", "pybullet", "numba"} & set(loaded_after(f"import hexakin.{name}"))
+
+
 def test_importing_the_engine_prints_nothing():
     done = subprocess.run(
         [sys.executable, "-c", "import hexakin.engines.pybullet_engine"], capture_output=True, check=True

@@ -8,7 +8,14 @@ import hexakin as hk
 from hexakin import dynamics
 from hexakin.exceptions import InvalidInputError
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.stability.stance import Stance, energy_margin, longitudinal_margin, polygon_margin, stance_of, zmp_on_plane
+from hexakin.stability.stance import (
+    Contacts,
+    energy_margin,
+    longitudinal_margin,
+    polygon_margin,
+    stance_of,
+    zmp_on_plane,
+)
 from hexakin.stability.time_series import zero_moment_point
 from hexakin.transforms import pose, rpy_rotation
 
@@ -19,7 +26,7 @@ RECTANGLE = np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 2.0, 0.0], [1.0, 0
 def standing_on(points, center_of_mass, **changes):
     points = np.asarray(points, dtype=float)
     fields = {"normals": np.tile(UP, (len(points), 1)), "friction": 0.9, "mass": 2.0} | changes
-    return Stance(points=points, center_of_mass=center_of_mass, **fields)
+    return Contacts(points=points, center_of_mass=center_of_mass, **fields)
 
 
 @pytest.fixture(params=["athena", "athena_physical", "hwr"])
@@ -261,24 +268,24 @@ def test_where_nothing_presses_on_the_plane_the_zmp_is_undefined():
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("points", np.zeros((4, 2)), r"Stance: points: expected shape \(\.\.\., 3\), got \(4, 2\)"),
-        ("points", np.zeros(3), r"Stance: points: expected shape \(k, 3\), got \(3,\)"),
-        ("points", RECTANGLE * [1, np.nan, 1], "Stance: points: coordinate 2 is nan"),
-        ("normals", np.tile(UP, (3, 1)), r"Stance: normals: expected shape"),
-        ("normals", np.tile([0, 0, 1.1], (4, 1)), "Stance: normals: contact 1 has length 1.1, expected 1"),
-        ("friction", -0.1, "Stance: friction: contact 1 has -0.1, expected at least 0"),
-        ("friction", [0.1, 0.2, np.inf, 0.1], "Stance: friction: contact 3 is inf"),
-        ("friction", [0.1, 0.2], r"Stance: friction: expected shape"),
-        ("friction", "high", "Stance: friction: expected numbers"),
-        ("center_of_mass", [0.0, 0.0], "Stance: center_of_mass: expected shape"),
-        ("mass", 0.0, "Stance: mass: 0 kg, expected above 0"),
+        ("points", np.zeros((4, 2)), r"Contacts: points: expected shape \(\.\.\., 3\), got \(4, 2\)"),
+        ("points", np.zeros(3), r"Contacts: points: expected shape \(k, 3\), got \(3,\)"),
+        ("points", RECTANGLE * [1, np.nan, 1], "Contacts: points: coordinate 2 is nan"),
+        ("normals", np.tile(UP, (3, 1)), r"Contacts: normals: expected shape"),
+        ("normals", np.tile([0, 0, 1.1], (4, 1)), "Contacts: normals: contact 1 has length 1.1, expected 1"),
+        ("friction", -0.1, "Contacts: friction: contact 1 has -0.1, expected at least 0"),
+        ("friction", [0.1, 0.2, np.inf, 0.1], "Contacts: friction: contact 3 is inf"),
+        ("friction", [0.1, 0.2], r"Contacts: friction: expected shape"),
+        ("friction", "high", "Contacts: friction: expected numbers"),
+        ("center_of_mass", [0.0, 0.0], "Contacts: center_of_mass: expected shape"),
+        ("mass", 0.0, "Contacts: mass: 0 kg, expected above 0"),
         ("torque_rows", np.zeros((4, 6, 3)), "expected both or neither"),
     ],
 )
 def test_bad_fields_are_named(field, value, message):
     good = {"points": RECTANGLE, "normals": np.tile(UP, (4, 1)), "friction": 0.5, "center_of_mass": UP, "mass": 1.0}
     with pytest.raises(InvalidInputError, match=message):
-        Stance(**(good | {field: value}))
+        Contacts(**(good | {field: value}))
 
 
 def test_bad_torque_limits_are_named():
@@ -307,3 +314,10 @@ def test_bad_poses_and_planes_are_named(athena):
         zmp_on_plane(RECTANGLE, np.ones(4), np.zeros(3), UP)
     with pytest.raises(InvalidInputError, match=r"points: expected shape \(\.\.\., k, 3\)"):
         zmp_on_plane(UP, UP, np.zeros(3), UP)
+
+
+def test_the_class_of_contacts_keeps_its_old_name_for_a_release():
+    with pytest.warns(DeprecationWarning, match="now called Contacts"):
+        assert hk.stance.Stance is Contacts
+    with pytest.raises(AttributeError, match="no attribute 'Posture'"):
+        _ = hk.stance.Posture

@@ -12,7 +12,7 @@ from hexakin import support_region as room
 from hexakin.exceptions import InvalidInputError, SolverError
 from hexakin.robot.model import GRAVITY
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.stability.stance import Stance, stance_of
+from hexakin.stability.stance import Contacts, stance_of
 from hexakin.stability.support_region import region_margin, support, support_region
 from hexakin.transforms import pose, rpy_rotation
 
@@ -21,7 +21,7 @@ UP = [0.0, 0.0, 1.0]
 
 def standing(points, normals=UP, friction=0.6, center_of_mass=(0.0, 0.0, 0.1), **changes):
     points = np.asarray(points, dtype=float)
-    return Stance(points, np.broadcast_to(normals, points.shape), friction, center_of_mass, 2.0, **changes)
+    return Contacts(points, np.broadcast_to(normals, points.shape), friction, center_of_mass, 2.0, **changes)
 
 
 def uneven(rng, k=6, tilt=0.3, friction=0.6):

@@ -28,7 +28,7 @@ def lying_q(robot: Robot, lift: float = 0.01) -> Array:
 
 def underside(robot: Robot) -> float:
     """How far [m] the torso's underside is below the body's origin."""
-    return float(0.5 * robot.torso.size[2] - robot.torso.center_of_mass[2])
+    return -float(robot.torso_corners[:, 2].min())
 
 
 def footholds_to_rise_on(robot: Robot, home: Array, ground: float, lift: float = 0.0) -> Array:

@@ -18,10 +18,10 @@ from hexakin.checks import Array, check_number
 from hexakin.control.interface import Command, Observation
 from hexakin.control.standing_up import footholds_to_rise_on, lies
 from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics.forward import forward_kinematics, jacobian, joint_axes, standing_height
+from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
 from hexakin.robot.model import Robot, check_robot
-from hexakin.transforms import axis_rotation
+from hexakin.transforms import axis_rotation, cross_matrix
 from hexakin.walking.gait import Gait, gait_of
 
 _AT_HOME = 1e-4  # [m]
@@ -219,7 +219,7 @@ class SteeringRun:
         q = self._q
         for part in (0.5, 1.0):  # the midpoint rule
             lever = -robot.foot_radius * up
-            slide = jacobian(robot, q) + np.cross(joint_axes(robot, q), lever[:, None], axisa=-2, axisb=-2, axisc=-2)
+            slide = contact_jacobian(jacobian(robot, q), joint_axes(robot, q), cross_matrix(lever))
             contact = forward_kinematics(robot, q) + lever
             # The pseudo-inverse: a leg that is stretched straight gives what it can.
             rate = (np.linalg.pinv(slide, rcond=1e-6) @ self._controller.velocity(self._twist, contact)[..., None])[

@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array, check_number
-from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed
 from hexakin.feasibility.statics import static_problem
 from hexakin.kinematics.inverse import inverse_kinematics
+from hexakin.motion.clearance import foot_gaps, torso_gaps
 from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.model import Robot, check_robot
 from hexakin.stability.polygon import polygon_margins
-from hexakin.terrain.base import Terrain
+from hexakin.terrain.base import Terrain, check_terrain, gaps
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import transform_points
 
@@ -110,8 +111,7 @@ def check(
     """
     check_robot(robot)
     check_number("clearance", clearance, at_least=0.0, unit="m")
-    if isinstance(terrain, type) or not isinstance(terrain, (Terrain, LegCurves)):
-        raise UnknownNameError("terrain", terrain, ["what the hexakin.terrain classes make"])
+    check_terrain(terrain, also=(LegCurves,))
     given = motion_of(motion)
     if given.q.shape[1:] != (robot.num_legs, 3):
         raise InvalidInputError(f"motion: for {given.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
@@ -173,12 +173,6 @@ def _speed(robot: Robot, motion: Motion) -> Constraint:
     return _constraint("joint speed", "rad/s", margins, motion, f"walk {fastest / limit:.2f} times slower")
 
 
-def _gap(terrain: Terrain, points: Array) -> Array:
-    """Distance [m] from points (..., 3) to the ground, along its normal below them."""
-    x, y, z = np.moveaxis(points, -1, 0)
-    return (z - terrain.height(x, y)) * terrain.normal(x, y)[..., 2]
-
-
 def _clearances(
     robot: Robot,
     motion: Motion,
@@ -193,10 +187,10 @@ def _clearances(
             raise InvalidInputError(
                 "terrain: paper B's curves belong to plans; this motion has no heights of the ground"
             )
-        gap = feet[..., 2] - motion.ground_height
+        gap = feet[..., 2] - motion.ground_height - robot.foot_radius
     else:
-        gap = _gap(terrain, feet)
-    room = np.where(motion.carrying, np.nan, gap - robot.foot_radius - clearance)
+        gap = foot_gaps(robot, terrain, feet)
+    room = np.where(motion.carrying, np.nan, gap - clearance)
     mend = "raise the swing of leg {leg} by {short} m"
     found = [_constraint("foot clearance", "m", room, motion, mend, room < -motion.touch)]
     if isinstance(terrain, LegCurves):
@@ -206,14 +200,12 @@ def _clearances(
             for name in ("knee clearance", "torso clearance")
         ]
     thickness = 0.5 * float(max(robot.segments[name].size[1:].max() for name in ("femur", "tibia")))
-    knees = _gap(terrain, transform_points(motion.T_world_body, knee)) - thickness - clearance
+    knees = gaps(terrain, transform_points(motion.T_world_body, knee)) - thickness - clearance
     knees = np.where(reached, knees, np.nan)
     found.append(
         _constraint("knee clearance", "m", knees, motion, "raise the body or the knee of leg {leg} by {short} m")
     )
-    share = np.linspace(-0.5, 0.5, 5)
-    below = np.stack([*(a.ravel() for a in np.meshgrid(share, share)), np.full(25, -0.5)], axis=-1) * robot.torso.size
-    torso = _gap(terrain, transform_points(motion.T_world_body, below)).min(axis=1) - clearance
+    torso = torso_gaps(robot, terrain, motion.T_world_body) - clearance
     found.append(_constraint("torso clearance", "m", torso, motion, "raise the body by {short} m"))
     return found
 

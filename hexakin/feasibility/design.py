@@ -8,7 +8,6 @@ wherever it was compared with sampling (notebook ``c1_feasibility``), it was the
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -20,10 +19,10 @@ from numpy.typing import ArrayLike
 from hexakin.checks import Array, check_number
 from hexakin.exceptions import SolverError, UnknownNameError
 from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
-from hexakin.feasibility.statics import pyramids
 from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
-from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, standing_height
 from hexakin.robot.model import GRAVITY, Robot, check_robot
+from hexakin.stability.friction_pyramid import pyramid_faces
 from hexakin.walking.gait import tripod
 
 STROKES = ("full_stride", "half_stride")
@@ -105,7 +104,7 @@ def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> 
     question.pitch = question.free("pitch", 0.0, -1.0, 1.0)
     question.shift = question.free("shift", 0.0, -0.2, 0.2)
     question.margin = margin
-    question.instant(dict.fromkeys(range(robot.num_legs), 0.0), set(range(robot.num_legs)), torso=True)
+    question.instant(dict.fromkeys(range(robot.num_legs), 0.0), set(range(robot.num_legs)))
     return question.maximise(margin)
 
 
@@ -181,12 +180,13 @@ class _Question:
         self.shift: Any = 0.0
         self.margin: Any = 0.0
         self.footholds = forward_kinematics(robot, robot.standing_q)
-        self.cone = pyramids(np.array([self.friction]), _FACETS)[0]
+        self.cone = pyramid_faces(np.array([self.friction]), _FACETS)[0]
         self.function = leg_function(robot.table.canonical())
         self.reach = reach_function(robot.table.canonical())
         self.named: dict[str, ca.MX] = {}
         self.variables: list[_Variable] = []
         self.rows: list[tuple[str, ca.MX, float, float]] = []
+        self.impossible: dict[str, None] = {}  # names of requirements that no choice of the unknowns can meet
         self.loads: dict[int, ca.MX] = {}  # normal forces, by the number of the row that bounds them
 
     def free(self, name: str, guess: float, low: float, high: float) -> ca.MX:
@@ -200,8 +200,13 @@ class _Question:
         self.variables.append(variable)
         return variable.symbol
 
-    def _require(self, name: str, expression: ca.MX, low: float, high: float) -> None:
-        self.rows += [(name, row, low, high) for row in ca.vertsplit(expression)]
+    def _require(self, name: str, expression: Any, low: float, high: float) -> None:
+        """Bound an expression; one without unknowns is decided now."""
+        for row in ca.vertsplit(ca.MX(expression)):
+            if not row.is_constant():
+                self.rows.append((name, row, low, high))
+            elif not low <= float(ca.evalf(row)) <= high:
+                self.impossible[name] = None
 
     def walk(self, stride: Any, apex: float, first_phase: str) -> None:
         """Both phases of the tripod gait at a few instants each; between them only the swinging legs count."""
@@ -216,9 +221,7 @@ class _Question:
                 place = {leg: start[leg] + done[leg] * (end[leg] - start[leg]) for leg in start}
                 self.instant(place, set(start) - swinging, lift=dict.fromkeys(swinging, 4 * apex * share * (1 - share)))
 
-    def instant(
-        self, place: Mapping[int, Any], carrying: set[int], lift: Mapping[int, Any] | None = None, torso: bool = False
-    ) -> None:
+    def instant(self, place: Mapping[int, Any], carrying: set[int], lift: Mapping[int, Any] | None = None) -> None:
         """Add an instant: how far ahead of its standing foothold each foot is, how high, and which ones carry."""
         robot, up = self.robot, ca.DM([0.0, 0.0, 1.0])
         forward, right = ca.DM(robot.forward), ca.DM(robot.right)
@@ -253,23 +256,23 @@ class _Question:
                 for side in self.cone:
                     self._require(f"friction, leg {leg + 1}", -(ca.DM(side).T @ local), 0.0, np.inf)
                     self.loads[len(self.rows) - 1] = force[2]
-                inside = R.T @ force
                 # The contact lies on the foot's sphere, a radius below its centre.
                 lever = -robot.foot_radius * (R.T @ up)
-                pull = ca.reshape(state["jacobian"], 3, 3).T @ inside
-                pull += ca.reshape(state["axes"], 3, 3).T @ ca.cross(lever, inside)
-                torque -= weight * pull
+                jacobian, axes = (ca.reshape(state[name], 3, 3) for name in ("jacobian", "axes"))
+                torque -= weight * contact_jacobian(jacobian, axes, ca.skew(lever)).T @ (R.T @ force)
             for sign in (1.0, -1.0):
                 room = 1.0 - (sign * torque + self.margin) / self.limit
                 self._require(f"torque, leg {leg + 1}", room, 0.0, np.inf)
         self._require("equilibrium", ca.vertcat(total, 10.0 * turning), 0.0, 0.0)
-        if torso:
-            for corner in itertools.product((-0.5, 0.5), (-0.5, 0.5), (-0.5,)):
-                point = R @ ca.DM(np.array(corner) * robot.torso.size) + body
-                self._require("torso clearance", point[2], 0.0, np.inf)
+        for corner in robot.torso_corners[::2]:
+            point = R @ ca.DM(corner) + body
+            self._require("torso clearance", point[2], 0.0, np.inf)
 
     def maximise(self, goal: ca.MX) -> Design:
         """Solve it."""
+        nothing = dict.fromkeys(self.named, float("nan"))
+        if self.impossible:
+            return Design(float("nan"), tuple(self.impossible), nothing, feasible=False)
         symbols = ca.vertcat(*(variable.symbol for variable in self.variables))
         row_low, row_high = (np.array([row[k] for row in self.rows]) for k in (2, 3))
         problem: dict[str, Any] = {"x": symbols, "f": -goal, "g": ca.vertcat(*(row for _, row, _, _ in self.rows))}
@@ -280,7 +283,7 @@ class _Question:
         found = solver(x0=guess, lbx=low, ubx=high, lbg=row_low, ubg=row_high)
         status = solver.stats()["return_status"]
         if status == "Infeasible_Problem_Detected":
-            return Design(float("nan"), (), dict.fromkeys(self.named, float("nan")), feasible=False)
+            return Design(float("nan"), (), nothing, feasible=False)
         if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             raise SolverError(f"design question: IPOPT ended with {status}")
         wanted = ca.vertcat(goal, *self.named.values(), *self.loads.values())

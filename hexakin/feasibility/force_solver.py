@@ -15,7 +15,8 @@ from scipy.optimize import linprog
 
 from hexakin.checks import Array
 from hexakin.exceptions import SolverError
-from hexakin.feasibility.statics import StaticProblem, pyramids
+from hexakin.feasibility.statics import StaticProblem
+from hexakin.stability.friction_pyramid import pyramid_faces
 
 MOST_FRICTION = 10.0
 """Coefficient of friction beyond any ground's: what tips even with it tips, and is not said to slide.
@@ -177,7 +178,7 @@ def diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str,
     share = smallest_torque(problem, instant)
     if share is not None:
         return ("torque" if bounded and share > 1.0 + 1e-7 else "balanced"), share
-    rough = pyramids(np.array([MOST_FRICTION]), problem.cone.shape[1])[0]
+    rough = pyramid_faces(np.array([MOST_FRICTION]), problem.cone.shape[1])[0]
     return ("support" if smallest_torque(problem, instant, rough) is None else "friction"), float("nan")
 
 

@@ -22,8 +22,9 @@ from hexakin.checks import Array, check_array, check_number
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
-from hexakin.feasibility.statics import StaticProblem, pyramids, static_problem
+from hexakin.feasibility.statics import StaticProblem, static_problem
 from hexakin.robot.model import Robot, check_robot
+from hexakin.stability.friction_pyramid import pyramid_faces
 
 OUTCOMES = ("balanced", "torque", "friction", "support")
 """Outcomes of an instant: forces were found; joints lack torque; feet would slide; the robot would tip or fall."""
@@ -142,7 +143,7 @@ def friction_needed(problem: StaticProblem, *, most: float = MOST_FRICTION, tole
     n, facets = problem.cone.shape[:2]
 
     def holds(friction: Array) -> NDArray[np.bool_]:
-        tried = dataclasses.replace(problem, cone=pyramids(friction, facets))
+        tried = dataclasses.replace(problem, cone=pyramid_faces(friction, facets))
         return satisfied(tried, solved(tried, bounded=False)[0], bounded=False)
 
     possible = holds(np.full(n, most))

@@ -11,7 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import LegStates
+from hexakin.kinematics.forward import contact_jacobian
 from hexakin.robot.model import GRAVITY, Robot
+from hexakin.stability.friction_pyramid import contact_frames, pyramid_faces
+from hexakin.transforms import cross_matrix
 
 _LENGTH = 0.1  # [m] lever by which moments are scaled to forces
 _PER_INSTANT = ("equilibrium", "cone", "torque_map", "torque_free", "carrying", "frames", "center_of_mass")
@@ -67,7 +70,7 @@ def static_problem(
     # The contact lies on the foot's sphere: its lever about the foot's centre turns friction into a moment.
     lever = -robot.foot_radius * turn[..., 2]
     point = states.foot + lever
-    slide = states.jacobian + np.cross(states.axes, lever[..., None], axisa=-2, axisb=-2, axisc=-2)
+    slide = contact_jacobian(states.jacobian, states.axes, cross_matrix(lever))
     gravity = -GRAVITY * R[:, 2]  # acceleration of gravity in the body frame: rows of R are the world's axes
     center = (robot.torso.mass * robot.torso.center_of_mass + states.moment.sum(axis=1)) / robot.mass
     unit = robot.weight
@@ -85,7 +88,7 @@ def static_problem(
     return StaticProblem(
         equilibrium.reshape(n, 6, -1),
         np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]),
-        pyramids(np.full(n, friction), facets),
+        pyramid_faces(np.full(n, friction), facets),
         torque_map,
         torque_free,
         carrying,
@@ -93,21 +96,3 @@ def static_problem(
         np.einsum("nij,nj->ni", R, center) + T_world_body[:, :3, 3],
         unit,
     )
-
-
-def contact_frames(normal: Array) -> Array:
-    """Axes uphill, across and along the normal as columns, (..., 3, 3); on level ground x is uphill."""
-    uphill = np.array([0.0, 0.0, 1.0]) - normal[..., 2:] * normal
-    level = np.linalg.norm(uphill, axis=-1, keepdims=True) < 1e-9
-    across_x = np.array([1.0, 0.0, 0.0]) - normal[..., :1] * normal
-    uphill = np.where(level, across_x, uphill)
-    uphill = uphill / np.linalg.norm(uphill, axis=-1, keepdims=True)
-    return np.stack([uphill, np.cross(normal, uphill), normal], axis=-1)
-
-
-def pyramids(friction: Array, facets: int) -> Array:
-    """Rows (n, facets, 3) of inscribed pyramids: row @ (uphill, across, normal force) <= 0; an edge points uphill."""
-    angle = (2.0 * np.arange(facets) + 1.0) * np.pi / facets
-    height = np.broadcast_to(friction[:, None] * np.cos(np.pi / facets), (len(friction), facets))
-    sides = np.broadcast_to([np.cos(angle), np.sin(angle)], (len(friction), 2, facets))
-    return np.stack([sides[:, 0], sides[:, 1], -height], axis=-1)

@@ -6,6 +6,7 @@ Nothing is computed here beyond what a drawing needs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -28,7 +29,7 @@ from hexakin.figures.style import (
 )
 from hexakin.kinematics.forward import forward_kinematics, segment_poses
 from hexakin.motion.walk_plan import WalkPlan
-from hexakin.robot.model import SEGMENT_NAMES, Robot
+from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
 from hexakin.terrain.base import Terrain
 from hexakin.terrain.columns import block_columns
 from hexakin.transforms import transform_points
@@ -53,10 +54,9 @@ def set_equal_3d(ax: Any, low: ArrayLike, high: ArrayLike) -> None:
     ax.set_box_aspect(upper - lower, zoom=1.05)
 
 
-def _prism(T: Array, center: ArrayLike, size: ArrayLike) -> Array:
-    """Six faces (6, 4, 3) of a box in the world."""
-    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    corners = transform_points(T, np.asarray(center) + signs * np.asarray(size) / 2.0)
+def _prism(T: Array, body: Body) -> Array:
+    """Six faces (6, 4, 3) of a body's box in the world."""
+    corners = transform_points(T, body.corners)
     faces = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
     return corners[np.array(faces)]
 
@@ -78,14 +78,14 @@ def draw_robot(
     T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
     feet = transform_points(T, forward_kinematics(robot, q))
     segments = segment_poses(robot, q)
-    faces = [_prism(T, robot.torso.center_of_mass, robot.torso.size)]
+    faces = [_prism(T, robot.torso)]
     colours = [(0.6, 0.6, 0.6, 0.55)] * 6  # so that the legs behind can be seen
     for leg in range(robot.num_legs):
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
         for k, name in enumerate(SEGMENT_NAMES):
             body = robot.segments[name]
-            slim = body.size * [1.0, 0.5, 0.5]  # half as thick as they are, so that the joints can be seen
-            faces.append(_prism(T @ segments[leg, k], body.center_of_mass, slim))
+            slim = replace(body, size=body.size * [1.0, 0.5, 0.5])  # half as thick, so that the joints can be seen
+            faces.append(_prism(T @ segments[leg, k], slim))
             colours += [to_rgba(colour)] * 6
         sphere = _sphere(feet[leg], robot.foot_radius)
         faces.append(sphere)
@@ -146,7 +146,7 @@ def draw_wireframe(
     for leg in drawn:
         ax.plot(*lines[leg].T, "o-", color=colour, ms=1.6 * width, lw=width, **unclipped)
     if torso:
-        faces = _prism(T, robot.torso.center_of_mass, robot.torso.size) * MM
+        faces = _prism(T, robot.torso) * MM
         ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, **unclipped))
 
 

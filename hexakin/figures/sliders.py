@@ -30,6 +30,7 @@ from hexakin.figures.style import MM
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import posed_inverse_kinematics
 from hexakin.kinematics.leg_functions import reach
+from hexakin.motion.clearance import torso_gaps
 from hexakin.robot.model import Robot, check_robot
 from hexakin.terrain.planes import Plane
 from hexakin.transforms import pose, rpy_rotation, transform_points
@@ -44,13 +45,14 @@ class Posture:
     """A robot over a level floor at z = 0, and what is wrong with it.
 
     ``T_world_body`` (4, 4); ``q`` (L, 3) [rad], of a leg out of reach those that it had before; ``p_world_foot``
-    (L, 3) [m], where the feet's centres should be; ``faults`` says by leg (counted from 1; 0 is the torso) what cannot
-    be.
+    (L, 3) [m], where the feet's centres should be; ``torso_clearance`` [m] between the torso and the floor, negative
+    below it; ``faults`` says by leg (counted from 1; 0 is the torso) what cannot be.
     """
 
     T_world_body: Array
     q: Array
     p_world_foot: Array
+    torso_clearance: float
     faults: Mapping[int, str]
 
 
@@ -68,11 +70,12 @@ def posture_of_body(robot: Robot, offset: Any, rpy: Any, q_before: Array | None 
     solution = posed_inverse_kinematics(robot, T, feet)
     before = robot.standing_q if q_before is None else q_before
     q = np.where(solution.reachable[:, None], solution.q, before)
-    faults = _torso_faults(robot, T) | _limit_faults(robot, q)
+    torso_clearance = float(torso_gaps(robot, Plane(), T))
+    faults = _torso_faults(torso_clearance) | _limit_faults(robot, q)
     for leg in np.flatnonzero(~solution.reachable):
         low, high = (float(bound) for bound in solution.reach[leg])
         faults[int(leg) + 1] = str(UnreachableError(int(leg) + 1, float(solution.distance[leg]), (low, high)))
-    return Posture(T, q, feet, dict(sorted(faults.items())))
+    return Posture(T, q, feet, torso_clearance, dict(sorted(faults.items())))
 
 
 def posture_of_leg(robot: Robot, leg: int, angles: Any) -> Posture:
@@ -82,7 +85,9 @@ def posture_of_leg(robot: Robot, leg: int, angles: Any) -> Posture:
     q = np.array(robot.standing_q)
     q[leg - 1] = check_array("angles", angles, (3,), ("joint",))
     T = pose(np.eye(3), [0.0, 0.0, standing_height(robot)])
-    return Posture(T, q, transform_points(T, forward_kinematics(robot, q)), _limit_faults(robot, q))
+    torso_clearance = float(torso_gaps(robot, Plane(), T))
+    faults = _torso_faults(torso_clearance) | _limit_faults(robot, q)
+    return Posture(T, q, transform_points(T, forward_kinematics(robot, q)), torso_clearance, faults)
 
 
 def _limit_faults(robot: Robot, q: Array) -> dict[int, str]:
@@ -96,10 +101,8 @@ def _limit_faults(robot: Robot, q: Array) -> dict[int, str]:
     return faults
 
 
-def _torso_faults(robot: Robot, T_world_body: Array) -> dict[int, str]:
-    corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * robot.torso.size
-    lowest = float(transform_points(T_world_body, robot.torso.center_of_mass + corners)[:, 2].min())
-    return {0: f"torso: {-1e3 * lowest:.1f} mm below the floor"} if lowest < 0.0 else {}
+def _torso_faults(torso_clearance: float) -> dict[int, str]:
+    return {0: f"torso: {-1e3 * torso_clearance:.1f} mm below the floor"} if torso_clearance < 0.0 else {}
 
 
 class _Range(NamedTuple):

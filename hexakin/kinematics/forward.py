@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,6 +64,16 @@ def joint_axes(robot: Robot, q: ArrayLike) -> Array:
     ``q`` (..., L, 3) [rad] -> (..., L, 3, 3).
     """
     return np.swapaxes(_joint_poses(robot, q)[..., :3, 2], -1, -2)
+
+
+def contact_jacobian(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
+    """Derivative (..., 3, 3) [m/rad] by the joint angles of the point of a foot that touches the ground.
+
+    The point turns with the foot. ``jacobian`` is that of the foot's centre, ``axes`` those of ``joint_axes``, and
+    ``cross_lever`` (..., 3, 3) [m] the matrix that takes v to lever x v, with the lever from the centre to the point
+    (``hexakin.transforms.cross_matrix``); all in one frame. They are arrays, or CasADi's matrices of one leg.
+    """
+    return jacobian - cross_lever @ axes
 
 
 def _joint_poses(robot: Robot, q: ArrayLike) -> Array:

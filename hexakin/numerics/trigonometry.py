@@ -9,7 +9,7 @@ use the same ones in loops that become vector instructions.
 - The angle of a vector with smaller component b and larger one a is twice the arctangent of b/(a + |(a, b)|), which is
   at most tan(pi/8): t N(t^2)/D(t^2) of degrees 3 and 4. Both end in 1, which saves a multiplication each.
 
-``tests/test_elementary.py`` derives the coefficients again. Errors: 7e-16 of sine and cosine of
+``tests/test_trigonometry.py`` derives the coefficients again. Errors: 7e-16 of sine and cosine of
 arguments up to ``HALF_TURN``, 9e-16 up to ``LARGEST``, 1e-15 rad of an angle.
 """
 

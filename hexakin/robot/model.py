@@ -40,6 +40,12 @@ class Body:
         for name in ("center_of_mass", "inertia", "size"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
 
+    @cached_property
+    def corners(self) -> Array:
+        """Corners (8, 3) [m] of the box, which stands around the centre of mass; x changes slowest, z fastest."""
+        sides = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+        return read_only(self.center_of_mass + sides * self.size)
+
 
 @dataclass(frozen=True)
 class Leg:
@@ -117,6 +123,11 @@ class Robot:
     def weight(self) -> float:
         """Weight m g [N]."""
         return self.mass * GRAVITY
+
+    @property
+    def torso_corners(self) -> Array:
+        """Corners (8, 3) [m] of the torso's box in the body frame; those at even places are its underside's."""
+        return self.torso.corners
 
     @property
     def foot_radius(self) -> float:

@@ -16,10 +16,11 @@ from hexakin.engines import Engine, Reading, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import __version__
 from hexakin.kinematics.forward import forward_kinematics, standing_height
+from hexakin.motion.clearance import foot_gaps, torso_gaps
 from hexakin.motion.recording import Recording
 from hexakin.robot.model import Robot, check_robot
-from hexakin.terrain.base import Terrain
-from hexakin.transforms import pose, rotation_between
+from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.transforms import pose, rotation_between, transform_points
 
 _START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
 
@@ -58,9 +59,7 @@ def simulate(
     be used, SimulationError when the state is no longer finite or the robot falls out of the scene.
     """
     check_robot(robot)
-    if isinstance(terrain, type) or not isinstance(terrain, Terrain):
-        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "Blocks", "HeightField")]
-        raise UnknownNameError("terrain", terrain, known)
+    check_terrain(terrain)
     if not isinstance(getattr(controller, "robot", None), Robot):
         raise InvalidInputError(
             f"controller: expected one such as hexakin.PostureController(robot), got {controller!r:.80}"
@@ -124,23 +123,16 @@ def simulate(
 def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:
     """Pose (4, 4) of the body over the origin, upright on the local slope, just off the ground.
 
-    What is lowest above it, a foot or a corner of the torso's underside, is a millimetre away.
+    What is lowest above it, a foot or the torso, is a millimetre away.
     """
     normal = terrain.normal(0.0, 0.0)
     rotation = rotation_between([0.0, 0.0, 1.0], normal)
     ground = np.array([0.0, 0.0, float(terrain.height(0.0, 0.0))])
     T = pose(rotation, ground + standing_height(robot) * normal)
-    points = np.vstack([forward_kinematics(robot, q), _underside(robot)]) @ rotation.T + T[:3, 3]
-    clearance = (points[:, 2] - terrain.height(points[:, 0], points[:, 1])) * normal[2]
-    clearance[: robot.num_legs] -= robot.foot_radius
-    T[:3, 3] += (_START_CLEARANCE - float(clearance.min())) * normal
+    feet = transform_points(T, forward_kinematics(robot, q))
+    lowest = min(foot_gaps(robot, terrain, feet).min(), torso_gaps(robot, terrain, T))
+    T[:3, 3] += (_START_CLEARANCE - lowest) * normal
     return T
-
-
-def _underside(robot: Robot) -> Array:
-    """Corners (4, 3) of the torso's underside in the body frame."""
-    half = 0.5 * robot.torso.size
-    return robot.torso.center_of_mass + half * [[1, 1, -1], [1, -1, -1], [-1, -1, -1], [-1, 1, -1]]
 
 
 def _angles_at_start(robot: Robot, q_start: ArrayLike | None) -> Array:

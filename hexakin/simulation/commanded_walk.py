@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 from hexakin.checks import Array, check_number, check_whole
 from hexakin.control.interface import Controller, Observation
 from hexakin.kinematics.forward import forward_kinematics
+from hexakin.motion.clearance import foot_gaps
 from hexakin.motion.motion import Motion
 from hexakin.simulation.closed_loop import starting_pose, torso_height
-from hexakin.terrain.base import Terrain
+from hexakin.terrain.base import Terrain, check_terrain
 from hexakin.transforms import pose, transform_points
 
 
@@ -23,6 +24,7 @@ def commanded_walk(
     these and all feet within 2 mm of the ground are loaded. On ground that is not plane, feet end their swing above it
     or in it, and so the motion is that of the commands alone; simulate it to see what comes of them.
     """
+    check_terrain(terrain)
     check_whole("num_cycles", num_cycles, at_least=1)
     check_number("control_rate", control_rate, above=0.0)
     robot, near = controller.robot, 2e-3
@@ -30,10 +32,9 @@ def commanded_walk(
     run, samples, tick = None, [], 0
     T, feet = starting_pose(robot, terrain, q), forward_kinematics(robot, q)
     world = transform_points(T, feet)
-    normal = terrain.normal(world[:, 0], world[:, 1])
-    gap = (world[:, 2] - terrain.height(world[:, 0], world[:, 1])) * normal[:, 2] - robot.foot_radius
-    T[:3, 3] -= gap.min() * T[:3, 2]
-    world -= gap.min() * T[:3, 2]
+    down = foot_gaps(robot, terrain, world).min() * T[:3, 2]
+    T[:3, 3] -= down
+    world -= down
     loaded = np.ones(robot.num_legs, dtype=bool)
     while True:
         weight = np.where(loaded, robot.weight / max(loaded.sum(), 1), 0.0)
@@ -47,8 +48,7 @@ def commanded_walk(
         feet = forward_kinematics(robot, q)
         T = _follow(feet[stance], world[stance], T)
         world = np.where(stance[:, None], world, transform_points(T, feet))
-        gap = world[:, 2] - terrain.height(world[:, 0], world[:, 1]) - robot.foot_radius
-        loaded = stance | (gap < near)
+        loaded = stance | (foot_gaps(robot, terrain, world) < near)
         samples.append((tick / control_rate, T, feet, q, stance, command.limited))
     time, poses, p_body_foot, angles, carrying, clipped = (np.array(values) for values in zip(*samples, strict=True))
     return Motion(time, poses, p_body_foot, angles, carrying, clipped, touch=near)

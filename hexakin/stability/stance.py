@@ -1,31 +1,32 @@
-"""A robot's stance: what touches the ground where, and stability measures that hold on any contacts.
+"""What of a robot touches the ground where, and stability measures that hold on any contacts.
 
-Every measure takes a ``Stance`` and says where it is undefined. The set of places where friction can hold the centre of
-mass has a room of its own, ``hexakin.support_region``.
+Every measure takes ``Contacts`` and says where it is undefined. The set of places where friction can hold the centre of
+mass is in ``hexakin.support_region``.
 """
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics.forward import forward_kinematics
+from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot, check_robot
 from hexakin.stability.polygon import margin, support_polygon
 from hexakin.terrain.base import Terrain
-from hexakin.transforms import transform_points
+from hexakin.transforms import cross_matrix, transform_points
 
 _UNIT = 1e-6  # how far from 1 the length of a unit normal may be
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
+class Contacts:
     """The k contacts of a robot with the ground, and its weight; any k from 0, in the world with z up.
 
     ``points`` (k, 3) [m]; ``normals`` (k, 3), unit, out of the ground; ``friction`` (k,), or one number for all;
@@ -43,27 +44,27 @@ class Stance:
     torque_bounds: Array | None = None
 
     def __post_init__(self) -> None:
-        points = check_array("Stance: points", self.points, (3,), ("coordinate",))
+        points = check_array("Contacts: points", self.points, (3,), ("coordinate",))
         if points.ndim != 2:
-            raise InvalidInputError(f"Stance: points: expected shape (k, 3), got {points.shape}")
+            raise InvalidInputError(f"Contacts: points: expected shape (k, 3), got {points.shape}")
         k = len(points)
-        normals = _exactly("Stance: normals", self.normals, (k, 3), ("contact", "coordinate"))
+        normals = _exactly("Contacts: normals", self.normals, (k, 3), ("contact", "coordinate"))
         length = np.linalg.norm(normals, axis=1)
         for i in np.flatnonzero(np.abs(length - 1.0) > _UNIT)[:1]:
-            raise InvalidInputError(f"Stance: normals: contact {i + 1} has length {length[i]:g}, expected 1")
-        friction = _one_or_each("Stance: friction", self.friction, k, "contact")
+            raise InvalidInputError(f"Contacts: normals: contact {i + 1} has length {length[i]:g}, expected 1")
+        friction = _one_or_each("Contacts: friction", self.friction, k, "contact")
         for i in np.flatnonzero(friction < 0.0)[:1]:
-            raise InvalidInputError(f"Stance: friction: contact {i + 1} has {friction[i]:g}, expected at least 0")
-        center = _exactly("Stance: center_of_mass", self.center_of_mass, (3,), ("coordinate",))
-        object.__setattr__(self, "mass", check_number("Stance: mass", self.mass, above=0.0, unit="kg"))
+            raise InvalidInputError(f"Contacts: friction: contact {i + 1} has {friction[i]:g}, expected at least 0")
+        center = _exactly("Contacts: center_of_mass", self.center_of_mass, (3,), ("coordinate",))
+        object.__setattr__(self, "mass", check_number("Contacts: mass", self.mass, above=0.0, unit="kg"))
         arrays = {"points": points, "normals": normals, "friction": friction, "center_of_mass": center}
         if (self.torque_rows is None) != (self.torque_bounds is None):
-            raise InvalidInputError("Stance: torque_rows, torque_bounds: expected both or neither")
+            raise InvalidInputError("Contacts: torque_rows, torque_bounds: expected both or neither")
         if self.torque_rows is not None and self.torque_bounds is not None:
-            rows = check_array("Stance: torque_rows", self.torque_rows, (3,), ("coordinate",))
+            rows = check_array("Contacts: torque_rows", self.torque_rows, (3,), ("coordinate",))
             if rows.ndim != 3 or len(rows) != k:
-                raise InvalidInputError(f"Stance: torque_rows: expected shape ({k}, m, 3), got {rows.shape}")
-            bounds = _exactly("Stance: torque_bounds", self.torque_bounds, rows.shape[:2], ("contact", "row"))
+                raise InvalidInputError(f"Contacts: torque_rows: expected shape ({k}, m, 3), got {rows.shape}")
+            bounds = _exactly("Contacts: torque_bounds", self.torque_bounds, rows.shape[:2], ("contact", "row"))
             arrays |= {"torque_rows": rows, "torque_bounds": bounds}
         for name, array in arrays.items():
             object.__setattr__(self, name, read_only(array))
@@ -83,7 +84,7 @@ def stance_of(
     *,
     friction: ArrayLike = 0.9,
     torque_limits: bool = False,
-) -> Stance:
+) -> Contacts:
     """The stance of a robot at rest in a pose, on the feet that are said to carry.
 
     ``T_world_body`` (4, 4), ``q`` (L, 3) [rad], ``carrying`` (L,) bool, ``friction`` one number (that of
@@ -108,31 +109,17 @@ def stance_of(
     configuration = dynamics.configuration(robot, T, angles)
     rows = bounds = None
     if torque_limits:
-        jacobian, weight = _leg_terms(robot, configuration, lever)
+        R = T[:3, :3]
+        slide = contact_jacobian(R @ jacobian(robot, angles), R @ joint_axes(robot, angles), cross_matrix(lever))
+        weight = dynamics.gravity(robot, configuration)[6:].reshape(legs, NUM_JOINTS)
         # |g - J^T f| <= max_torque
-        rows = np.concatenate([-jacobian, jacobian], axis=2).swapaxes(1, 2)[flags]
+        rows = np.concatenate([-slide, slide], axis=2).swapaxes(1, 2)[flags]
         bounds = robot.servo.max_torque + np.concatenate([-weight, weight], axis=1)[flags]
     center = dynamics.center_of_mass(robot, configuration)
-    return Stance((feet + lever)[flags], normals[flags], each[flags], center, robot.mass, rows, bounds)
+    return Contacts((feet + lever)[flags], normals[flags], each[flags], center, robot.mass, rows, bounds)
 
 
-def _leg_terms(robot: Robot, configuration: Array, lever: Array) -> tuple[Array, Array]:
-    """Jacobians (L, 3, 3) by each leg's joints of the points ``lever`` (L, 3) off the feet, and g_leg (L, 3)."""
-    from hexakin import dynamics
-
-    feet, bodies = dynamics.foot_jacobians(robot, configuration), dynamics.maximal_model(robot, configuration)
-    weight = dynamics.gravity(robot, configuration)[6:].reshape(-1, NUM_JOINTS)
-    result = np.empty((robot.num_legs, 3, NUM_JOINTS))
-    for leg in range(robot.num_legs):
-        own = slice(6 + NUM_JOINTS * leg, 6 + NUM_JOINTS * (leg + 1))
-        row = 6 * bodies.names.index(f"foot_{leg + 1}")
-        turning = bodies.jacobian[row + 3 : row + 6, own]
-        # The contact is a point of the turning foot: its velocity is that of the centre and omega x lever.
-        result[leg] = feet[leg, :, own] + np.cross(turning, lever[leg], axisa=0, axisc=0)
-    return result, weight
-
-
-def polygon_margin(stance: Stance) -> float:
+def polygon_margin(stance: Contacts) -> float:
     """Signed distance [m], seen from above, of the centre of mass to the edge of the support polygon; negative outside.
 
     NaN without a polygon, that is with fewer than three contacts or with contacts in line. What the ground's slope,
@@ -141,7 +128,7 @@ def polygon_margin(stance: Stance) -> float:
     return margin(stance.center_of_mass[:2], support_polygon(stance.points))
 
 
-def longitudinal_margin(stance: Stance, heading: float) -> float:
+def longitudinal_margin(stance: Contacts, heading: float) -> float:
     """The smaller distance [m] from the centre of mass to the polygon's front and rear edge along ``heading``.
 
     ``heading`` [rad] from the world's x axis; seen from above. Outside the polygon it is negative: the way to go, along
@@ -176,7 +163,7 @@ class EnergyMargin(NamedTuple):
     edges: NDArray[np.int_]
 
 
-def energy_margin(stance: Stance) -> EnergyMargin:
+def energy_margin(stance: Contacts) -> EnergyMargin:
     """The least height [m] by which the centre of mass must rise for the robot to tip over an edge of its support.
 
     The edges run in space between the contacts that are neighbours on the support polygon seen from above, level or
@@ -253,3 +240,10 @@ def _exactly(name: str, value: ArrayLike, shape: tuple[int, ...], labels: tuple[
 def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
     """Return the values (count,) that are given as one number for all or one by one."""
     return _exactly(name, np.full(count, value) if np.ndim(value) == 0 else value, (count,), (label,))
+
+
+def __getattr__(name: str) -> Any:
+    if name != "Stance":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warnings.warn("hexakin.stance.Stance is now called Contacts", DeprecationWarning, stacklevel=2)
+    return Contacts

@@ -28,8 +28,10 @@ from scipy.sparse import block_diag
 
 from hexakin.checks import Array, check_array, check_number, check_whole, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
+from hexakin.robot.model import GRAVITY
+from hexakin.stability.friction_pyramid import contact_frames, pyramid_edges
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.stability.stance import Stance
+from hexakin.stability.stance import Contacts
 
 FACETS = 16
 """Edges of the pyramid in each friction cone: at worst 2 % of the friction coefficient are given away.
@@ -97,7 +99,7 @@ class SupportRegion:
 
 
 def support_region(
-    stance: Stance,
+    stance: Contacts,
     *,
     torque_limits: bool = False,
     facets: int = FACETS,
@@ -131,7 +133,7 @@ def support_region(
 
 
 def region_margin(
-    stance: Stance,
+    stance: Contacts,
     *,
     torque_limits: bool = False,
     facets: int = FACETS,
@@ -147,7 +149,7 @@ def region_margin(
 
 
 def support(
-    stance: Stance,
+    stance: Contacts,
     direction: ArrayLike,
     *,
     torque_limits: bool = False,
@@ -200,7 +202,7 @@ class _Balance:
         return self.center + self.length * x.reshape(count, width)[:, :2]
 
 
-def _balance(stance: Stance, torque_limits: bool, facets: int, reach: float) -> _Balance | None:
+def _balance(stance: Contacts, torque_limits: bool, facets: int, reach: float) -> _Balance | None:
     """The conditions of rest, with rounding taken out of the way; None if they contradict each other."""
     check_whole("facets", facets, at_least=3)
     check_number("reach", reach, above=0.0, unit="m")
@@ -212,7 +214,8 @@ def _balance(stance: Stance, torque_limits: bool, facets: int, reach: float) -> 
     mean = stance.points.mean(axis=0)
     arm = stance.points - mean
     length = float(np.linalg.norm(arm, axis=1).max()) or 1.0
-    force = _pyramids(stance, facets)  # (k, facets, 3)
+    # In the world's axes, (k, facets, 3).
+    force = pyramid_edges(stance.friction, facets) @ np.swapaxes(contact_frames(stance.normals), -1, -2)
     moment = np.cross(arm[:, None] / length, force)
     width = 2 + k * facets
     equal, right = np.zeros((6, width)), np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -221,8 +224,6 @@ def _balance(stance: Stance, torque_limits: bool, facets: int, reach: float) -> 
     equal[3, 1], equal[4, 0] = -1.0, 1.0
     upper, limit = np.zeros((0, width)), np.zeros(0)
     if torque_limits and stance.torque_rows is not None and stance.torque_bounds is not None:
-        from hexakin.robot.model import GRAVITY
-
         size = np.linalg.norm(stance.torque_rows, axis=2)
         size = np.where(size > 0.0, size, 1.0)
         rows = np.einsum("imc,ifc->imf", stance.torque_rows / size[..., None], force)
@@ -242,18 +243,6 @@ def _balance(stance: Stance, torque_limits: bool, facets: int, reach: float) -> 
         return None
     held = x[:width]
     return _Balance(equal, equal @ held, upper, np.maximum(limit, upper @ held), bound, mean[:2], length)
-
-
-def _pyramids(stance: Stance, facets: int) -> Array:
-    """Edges (k, facets, 3) of the pyramids in the friction cones, of unit normal force; the first points uphill."""
-    normal = stance.normals
-    uphill = np.array([0.0, 0.0, 1.0]) - normal[:, 2:] * normal
-    level = np.linalg.norm(uphill, axis=1) < 1e-9
-    uphill[level] = np.array([1.0, 0.0, 0.0]) - normal[level, :1] * normal[level]
-    uphill /= np.linalg.norm(uphill, axis=1)[:, None]
-    angle = np.arange(facets) * 2.0 * np.pi / facets
-    around = np.cos(angle)[:, None] * uphill[:, None] + np.sin(angle)[:, None] * np.cross(normal, uphill)[:, None]
-    return normal[:, None] + stance.friction[:, None, None] * around
 
 
 def _solved(cost: Array, equal: tuple, upper: tuple, bound: Array) -> Array:

@@ -25,18 +25,18 @@ _RUNNER = __name__.rpartition(".")[0]
 """The package of what calls a trial and keeps its result, on which the result does not depend."""
 
 
-def made_of(trial: Trial) -> tuple[str, ...]:
-    """Names of the modules of hexakin that a trial's result depends on: what the trial's own module imports.
+def _code(module: str) -> str:
+    """Digest of what a trial in a module depends on: of that module's code and of all that it imports.
 
     A trial outside hexakin may call everything; what leads to matplotlib only draws, and is left out.
     """
     known = installation.modules()
-    if trial.__module__ in known:
-        return tuple(installation.sources([trial.__module__], without=[_RUNNER]))
+    if module in known:
+        return installation.digest([module], without=[_RUNNER])
     drawing = {"matplotlib"}
     while more := {m for m in known if m not in drawing and not drawing.isdisjoint(_tops(installation.imports(m)))}:
         drawing |= more
-    return tuple(name for name in known if name not in drawing and not name.startswith(_RUNNER))
+    return installation.digest(known.keys() - drawing, without=[_RUNNER])
 
 
 def _tops(names: Iterable[str]) -> set[str]:
@@ -47,10 +47,11 @@ def _tops(names: Iterable[str]) -> set[str]:
 def provenance(trial: Trial) -> dict[str, Any]:
     """Say what a result depends on beside its arguments: function, code and package versions.
 
-    ``code`` is a digest of hexakin's robots and of the code, without comments, of the modules that ``made_of`` names.
-    Of a trial outside hexakin its own function is part of it, without others that it calls.
+    ``code`` is a digest of hexakin's robots and of its code, without comments, as far as the trial may depend on it:
+    what a trial in hexakin imports; for another trial, all but what draws, and the trial's own function, without others
+    that it calls.
     """
-    digest = hashlib.sha256(installation.digest(made_of(trial)).encode())
+    digest = hashlib.sha256(_code(trial.__module__).encode())
     for robot in sorted((DATA / "robots").glob("*.yaml")):
         digest.update(robot.name.encode() + robot.read_bytes().replace(b"\r\n", b"\n"))
     if not trial.__module__.startswith("hexakin."):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import InvalidInputError, UnknownNameError
 
 
 @dataclass(frozen=True)
@@ -60,3 +60,16 @@ def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     except ValueError as error:
         raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not go together") from error
     return px, py
+
+
+def check_terrain(terrain: object, *, also: tuple[type, ...] = ()) -> None:
+    """Raise UnknownNameError unless ``terrain`` is one, or a value of the classes ``also``: a class must be called."""
+    if isinstance(terrain, type) or not isinstance(terrain, (Terrain, *also)):
+        names = ["Plane", "Ramp", "Blocks", "HeightField", *(kind.__name__ for kind in also)]
+        raise UnknownNameError("terrain", terrain, [f"hexakin.terrain.{name}(...)" for name in names])
+
+
+def gaps(terrain: Terrain, points: ArrayLike) -> Array:
+    """Distances [m] of points (..., 3) from the ground, along its normal below each; negative in the ground."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+    return (z - terrain.height(x, y)) * terrain.normal(x, y)[..., 2]

@@ -18,7 +18,7 @@ from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.model import Robot, check_robot
-from hexakin.terrain.base import Terrain
+from hexakin.terrain.base import Terrain, check_terrain
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, transform_points
 from hexakin.walking.body_path import body_poses
@@ -205,9 +205,7 @@ def _check(arguments: dict[str, Any]) -> Gait:
     a = arguments
     robot = a["robot"]
     check_robot(robot)
-    if isinstance(a["terrain"], type) or not isinstance(a["terrain"], (Terrain, LegCurves)):
-        known = [f"hexakin.terrain.{name}(...)" for name in ("Plane", "Ramp", "Blocks", "HeightField", "LegCurves")]
-        raise UnknownNameError("terrain", a["terrain"], known)
+    check_terrain(a["terrain"], also=(LegCurves,))
     if isinstance(a["terrain"], LegCurves) and a["terrain"].num_legs != robot.num_legs:
         raise InvalidInputError(f"terrain: curves for {a['terrain'].num_legs} legs, {robot.name} has {robot.num_legs}")
     if a["gait"] is not None and not isinstance(a["gait"], Gait):

@@ -3,7 +3,7 @@
     python tests/benchmarks/precision.py [leg poses]
 
 All three codes are checked (one pose at a time, NumPy, compiled loops). What the inverse says of reach and limits is
-tested in ``tests/test_batch_kinematics.py``, with fewer poses.
+tested in ``tests/test_evaluation.py``, with fewer poses.
 """
 
 import contextlib
