@@ -1,0 +1,1 @@
+"""Notebooks as one browsable report: ``python -m hexakin.report``."""
