@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
 
 class HexakinError(Exception):
     """Base of every error that hexakin raises on purpose."""
@@ -123,3 +127,20 @@ class SolverError(HexakinError, ArithmeticError):
 
 class StudyError(HexakinError, RuntimeError):
     """A study cannot start or go on: its files belong to something else, the disk is full, or a run is faulty."""
+
+
+def renamed(module: str, new_names: Mapping[str, tuple[str, Any]]) -> Callable[[str], Any]:
+    """Return a module's ``__getattr__`` that keeps old names for one release, with a DeprecationWarning.
+
+    ``module`` is the module's name, ``new_names`` maps each old name to the new one and what it stands for. The
+    function raises AttributeError for any other name.
+    """
+
+    def old_name(name: str) -> Any:
+        if name not in new_names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        new, value = new_names[name]
+        warnings.warn(f"{module}.{name} is now called {new}", DeprecationWarning, stacklevel=2)
+        return value
+
+    return old_name

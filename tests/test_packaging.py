@@ -67,5 +67,7 @@ def test_a_wheel_carries_the_robots_and_the_papers_values(tmp_path):
     assert {"hexakin/data/robots/athena.yaml", "hexakin/data/paper/athena.csv", "hexakin/generated/athena.py"} <= set(
         names
     )
+    files = {path.relative_to(ROOT).as_posix() for path in (ROOT / "hexakin").rglob("*") if path.is_file()}
+    assert {name for name in files if "__pycache__" not in name} <= set(names)
     script = f"import sys; sys.path.insert(0, {str(wheel)!r}); import hexakin; print(hexakin.__version__)"
     assert subprocess.run([sys.executable, "-I", "-c", script], check=True, capture_output=True).stdout

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from hexakin.study import provenance
 from hexakin.exceptions import MissingPackageError
 from hexakin.installation import __version__
 from hexakin.report.figure_table import Figure, Judged, Picture, count_verdicts
 from hexakin.report.page import Page, now, picture_file, write
+from hexakin.study import provenance
 
 try:
     import jinja2

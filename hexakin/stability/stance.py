@@ -6,15 +6,14 @@ mass is in ``hexakin.support_region``.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, read_only
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot, check_robot
@@ -242,8 +241,4 @@ def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
     return _exactly(name, np.full(count, value) if np.ndim(value) == 0 else value, (count,), (label,))
 
 
-def __getattr__(name: str) -> Any:
-    if name != "Stance":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warnings.warn("hexakin.stance.Stance is now called Contacts", DeprecationWarning, stacklevel=2)
-    return Contacts
+__getattr__ = renamed(__name__, {"Stance": ("Contacts", Contacts)})

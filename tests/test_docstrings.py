@@ -1,0 +1,133 @@
+"""Every public name says what it takes, in which shape and unit, and what it raises."""
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import re
+import textwrap
+
+import pytest
+
+import hexakin as hk
+from hexakin import exceptions, installation
+
+ERRORS = {name for name, value in vars(exceptions).items() if isinstance(value, type)} - {"HexakinError"}
+ARRAYS = re.compile(r"\b(Array|ArrayLike|NDArray|ndarray)\b")
+SHAPE = re.compile(r"\((?:\.\.\.|[A-Za-z0-9_+* ]+)(?:, ?[A-Za-z0-9_+*. ]+)*,?\)")
+UNIT = re.compile(r"\[[^\]]+\]|\bbool|\bflag|\bwhole|\bind(ex|ices)\b|\bunit (vector|normal|quaternion)|\bunit\b|\bpose|\brotation|\bmatri|\bquaternion|\bshare|\bnumber", re.I)
+# Packages whose models have a source: the papers, as A(12) or B section 3, or the literature, with its year.
+SOURCED = {"kinematics", "walking", "control", "contact", "stability", "feasibility", "dynamics", "engines"}
+SOURCE = re.compile(r"\b[AB](\(\d| Fig| Table| section| Step)|\b(18|19|20)\d\d\b")
+PLAIN = {"self", "cls", "args", "kwargs", "options", "engine_options", "unsaid"}
+
+
+def public_objects():
+    """Functions and classes, with their full names, of the public table and of all that public modules offer."""
+    found = {}
+    for place in hk.PUBLIC.values():
+        module_name, _, attribute = place.partition(":")
+        module = importlib.import_module(module_name)
+        names = [attribute] if attribute else getattr(module, "__all__", None)
+        if names is None:
+            names = [n for n, v in vars(module).items() if not n.startswith("_") and getattr(v, "__module__", "") == module_name]
+        for name in names:
+            value = getattr(module, name)
+            if (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__.startswith("hexakin"):
+                found[f"{value.__module__}.{value.__qualname__}"] = value
+                if inspect.isclass(value):
+                    for method, of in vars(value).items():
+                        if not method.startswith("_") and inspect.isfunction(of):
+                            found[f"{value.__module__}.{value.__qualname__}.{method}"] = of
+    return dict(sorted(found.items()))
+
+
+OBJECTS = public_objects()
+
+
+def parameters_of(value):
+    """Name -> annotation (as text) of what a caller gives: arguments, or the fields of a class."""
+    if inspect.isclass(value):
+        if dataclasses.is_dataclass(value):
+            return {f.name: str(f.type) for f in dataclasses.fields(value)}
+        if issubclass(value, tuple) and hasattr(value, "_fields"):
+            return {name: str(value.__annotations__.get(name, "")) for name in value._fields}
+        if "__init__" not in vars(value):
+            return {}
+        value = value.__init__
+    signature = inspect.signature(value)
+    return {
+        p.name: str(p.annotation)
+        for p in signature.parameters.values()
+        if p.name not in PLAIN and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD) and not p.name.startswith("_")
+    }
+
+
+def texts_of(value):
+    """The docstring, and for a method also that of its class."""
+    own = inspect.getdoc(value) or ""
+    if inspect.isclass(value) and "__init__" in vars(value) and not dataclasses.is_dataclass(value):
+        own += "\n" + (inspect.getdoc(value.__init__) or "")
+    return own
+
+
+def named_in(name, text):
+    return re.search(rf"(``[^`]*\b{re.escape(name)}\b[^`]*``)|(?m:^\s*[\w, ]*\b{re.escape(name)}\b[\w, ]*$)|(?m:^{re.escape(name)}\s)", text)
+
+
+def passage(name, text):
+    """What is said of a parameter: from its name to the end of its sentence or entry, at most 200 characters."""
+    at = named_in(name, text)
+    return "" if at is None else text[at.start() : at.start() + 260]
+
+
+def raised_in(value):
+    """Names of the package's errors that a function's own lines raise."""
+    if inspect.isclass(value):
+        members = [value.__dict__.get("__init__"), value.__dict__.get("__post_init__")]
+        return set().union(*(raised_in(member) for member in members if inspect.isfunction(member)))
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(value)))
+    except (OSError, TypeError):
+        return set()
+    raised = {
+        node.exc.func.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and isinstance(node.exc.func, ast.Name)
+    }
+    return raised & ERRORS
+
+
+def faults(name, value):
+    text, said = texts_of(value), []
+    if not text:
+        return ["no docstring"]
+    obvious = {"robot"}
+    for parameter, annotation in parameters_of(value).items():
+        if parameter in obvious:
+            continue
+        if not named_in(parameter, text):
+            said.append(f"{parameter} is not named")
+        elif ARRAYS.search(annotation):
+            about = passage(parameter, text)
+            if not SHAPE.search(about):
+                said.append(f"{parameter} has no shape")
+            elif not UNIT.search(about):
+                said.append(f"{parameter} has no unit")
+    if inspect.isfunction(value) and re.search(r"\b(Array|NDArray)\b", str(inspect.signature(value).return_annotation)):
+        if not SHAPE.search(text) or not UNIT.search(text):
+            said.append("its result has no shape or unit")
+    if name.split(".")[1] in SOURCED and not SOURCE.search(text + (inspect.getmodule(value).__doc__ or "")):
+        said.append("no source: an equation or section of a paper, or literature")
+    said += [f"{error} is not named" for error in sorted(raised_in(value)) if error not in text and "errors as for" not in text.lower()]
+    return said
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_a_docstring_names_parameters_shapes_units_and_errors(name):
+    assert faults(name, OBJECTS[name]) == []
+
+
+def test_the_public_face_is_found():
+    assert len(OBJECTS) > 150 and "hexakin.kinematics.inverse.inverse_kinematics" in OBJECTS
+    assert installation.__name__ not in {name.rpartition(".")[0] for name in OBJECTS}
