@@ -1,6 +1,6 @@
 """Analytical models of hexapod walking robots: kinematics, gaits, posture control, simulation, stability.
 
-Everything is loaded when it is first used, so that importing hexakin costs next to nothing::
+Each module is loaded when it is first used, so ``import hexakin`` itself is fast::
 
     import hexakin as hk
     robot = hk.load_robot("athena")
@@ -20,6 +20,8 @@ PUBLIC = {
     "forward_kinematics": "hexakin.kinematics.forward:forward_kinematics",
     "inverse_kinematics": "hexakin.kinematics.inverse:inverse_kinematics",
     "jacobian": "hexakin.kinematics.forward:jacobian",
+    "Command": "hexakin.control.interface:Command",
+    "Observation": "hexakin.control.interface:Observation",
     "PostureController": "hexakin.control.posture:PostureController",
     "simulate": "hexakin.simulation.closed_loop:simulate",
     "plan_walk": "hexakin.walking.planner:plan_walk",
@@ -55,7 +57,7 @@ PUBLIC = {
     "urdf": "hexakin.robot.urdf",
     "walker": "hexakin.walking.planner",
 }
-"""Public names and where they are: a module, or ``module:name`` for what is in one."""
+"""Each public name and what it stands for: a module, or ``module:name`` for an object of a module."""
 
 __all__ = ["__version__", *PUBLIC]
 

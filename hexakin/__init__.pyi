@@ -7,6 +7,8 @@ from hexakin.robot.file import load_robot as load_robot
 from hexakin.kinematics.forward import forward_kinematics as forward_kinematics
 from hexakin.kinematics.inverse import inverse_kinematics as inverse_kinematics
 from hexakin.kinematics.forward import jacobian as jacobian
+from hexakin.control.interface import Command as Command
+from hexakin.control.interface import Observation as Observation
 from hexakin.control.posture import PostureController as PostureController
 from hexakin.simulation.closed_loop import simulate as simulate
 from hexakin.walking.planner import plan_walk as plan_walk
@@ -50,6 +52,8 @@ __all__ = [
     "forward_kinematics",
     "inverse_kinematics",
     "jacobian",
+    "Command",
+    "Observation",
     "PostureController",
     "simulate",
     "plan_walk",

@@ -1,4 +1,4 @@
-import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +16,9 @@ def saved(short_walk, tmp_path):
 
 def test_a_recording_comes_back_as_it_was_saved(short_walk, saved):
     back = hk.load_recording(saved)
-    for field in dataclasses.fields(back):
-        if field.name != "parameters":
-            assert np.array_equal(getattr(back, field.name), getattr(short_walk, field.name), equal_nan=True)
+    assert back.columns.keys() == short_walk.columns.keys() and "delta_z" in back.columns
+    for name, values in back.columns.items():
+        assert np.array_equal(values, short_walk.columns[name], equal_nan=True)
     assert back.parameters == short_walk.parameters
 
 
@@ -100,3 +100,20 @@ def test_an_interrupted_save_leaves_the_old_file_whole(short_walk, saved, monkey
         short_walk.save(saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == ["walk.npz"]
+
+
+def test_a_recording_of_version_0_1_still_loads():
+    walk = hk.load_recording(Path(__file__).parent / "data" / "recording_of_0_1.npz")
+    assert walk.q.shape == (10, 6, 3) and walk.parameters["versions"]["hexakin"] == "0.1.0"
+    assert np.isnan(walk.joint_velocity).all()
+    assert set(walk.diagnostics) == {"delta_z", "delta_alpha", "delta_beta", "plane_misfit"}
+    assert walk.delta_z is walk.diagnostics["delta_z"] and walk.delta_z.shape == (10,)
+    assert (hk.stability.series(walk).margin > 0.0).all()
+
+
+def test_columns_are_declared_once():
+    """The docstring's table, the file and the checks follow from the fields."""
+    for name in ("foot_force_last", "joint_velocity", "solver_residual"):
+        assert f"``{name}``" in hk.Recording.__doc__
+    with pytest.raises(AttributeError, match="a recording has no 'delta_y'; the controller's diagnostics are"):
+        _ = hk.load_recording(Path(__file__).parent / "data" / "recording_of_0_1.npz").delta_y

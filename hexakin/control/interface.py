@@ -1,59 +1,151 @@
-"""What a controller is given and what it answers, once per control tick."""
+"""What a controller is given and what it answers, once per control tick (A section 1)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_array
+from hexakin.exceptions import InvalidInputError
+from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 
 
 class Observation(NamedTuple):
-    """All that a controller may see (A section 1): joint angles, foot forces and the torso's height.
+    """All that a controller may use: joints, foot forces, the torso's height and an IMU (A section 1).
 
-    ``time`` [s], ``q`` (L, 3) [rad], ``foot_force`` (L,) [N] normal, mean over the last control tick,
-    ``height`` [m] from the body's origin to the ground along its downward axis (infrared range).
+    Parameters
+    ----------
+    time
+        Start of the control tick [s].
+    q
+        Joint angles (L, 3) [rad].
+    joint_velocity
+        Their rates (L, 3) [rad/s].
+    foot_force
+        Normal force on each foot (L,) [N], its mean over the last control tick.
+    height
+        Distance [m] from the body's origin to the ground along the body's downward axis (infrared range).
+    body_angular_velocity
+        Angular velocity of the body (3,) [rad/s], in the body frame.
+    up_in_body
+        Unit vector (3,) that points upwards, against gravity, in the body frame.
     """
 
     time: float
     q: Array
+    joint_velocity: Array
     foot_force: Array
     height: float
+    body_angular_velocity: Array
+    up_in_body: Array
+
+    @classmethod
+    def at_rest(cls, time: float, q: ArrayLike, foot_force: ArrayLike, height: float) -> Observation:
+        """Observation of an upright robot that does not move; arguments as the fields of the same names.
+
+        ``time`` [s], ``q`` (L, 3) [rad], ``foot_force`` (L,) [N], ``height`` [m].
+        """
+        angles, upwards = np.asarray(q, dtype=float), np.array([0.0, 0.0, 1.0])
+        force = np.asarray(foot_force, dtype=float)
+        return cls(time, angles, np.zeros_like(angles), force, height, np.zeros(3), upwards)
 
 
 class Command(NamedTuple):
-    """A controller's answer and what it believes.
+    """A controller's answer for one tick (A section 4).
 
-    ``q`` (L, 3) [rad] goes to the servos. ``stance`` (L,) are the legs commanded to carry, ``phase`` the
-    running number of the gait phase, ``extending`` whether legs are reaching for lost ground,
-    ``limited`` (L,) the legs whose foot target was out of reach or of the joint limits and was clipped.
-    ``delta_z`` [m], ``delta_alpha`` and ``delta_beta`` [rad] are the estimates in use, ``plane_misfit`` [m]
-    the largest distance of another supporting foot from the estimated ground plane (NaN without one).
+    With ``q`` alone the robot's servos turn the joints to these angles. With ``torque``, ``kp`` or ``kd`` each joint
+    gives the torque ``torque + kp (q - angle) - kd rate`` instead, at every time step and at most the servo's
+    ``max_torque``; what is not given counts as zero.
+
+    Parameters
+    ----------
+    q
+        Wanted joint angles (L, 3) [rad].
+    stance
+        Legs that are to carry (L,), bool.
+    phase
+        Running number of the gait phase, from 0.
+    extending
+        Whether legs are reaching for lost ground.
+    limited
+        Legs (L,), bool, whose foot target was out of reach or of the joint limits and was clipped; None if no leg's.
+    diagnostics
+        Numbers by name that become columns of the recording; the same names at every tick.
+    torque
+        Torques (L, 3) [N m] that are added; None if none are.
+    kp
+        Stiffness (L, 3) [N m/rad], not negative; None if there is none.
+    kd
+        Damping (L, 3) [N m s/rad], not negative; None if there is none.
     """
 
     q: Array
     stance: NDArray[np.bool_]
     phase: int
-    extending: bool
-    limited: NDArray[np.bool_]
-    delta_z: float
-    delta_alpha: float
-    delta_beta: float
-    plane_misfit: float
+    extending: bool = False
+    limited: NDArray[np.bool_] | None = None
+    diagnostics: Mapping[str, float] = MappingProxyType({})
+    torque: Array | None = None
+    kp: Array | None = None
+    kd: Array | None = None
+
+
+def check_command(command: object, num_legs: int) -> Command:
+    """Return ``command`` with arrays of the right shapes and kinds, for a robot of ``num_legs`` legs.
+
+    Raises InvalidInputError, which names the field, for what is no Command, for a wrong shape, a value that is not
+    finite, flags that are not bool, a negative gain, and for diagnostics that are not numbers.
+    """
+    if not isinstance(command, Command):
+        raise InvalidInputError(f"expected a hexakin.Command, got {command!r:.80}")
+    shape, given = (num_legs, NUM_JOINTS), command._asdict()
+    for name in ("q", "torque", "kp", "kd"):
+        if given[name] is not None:
+            given[name] = _exact(name, given[name], shape)
+    for name in ("kp", "kd"):
+        if given[name] is not None and (given[name] < 0.0).any():
+            raise InvalidInputError(f"{name}: {given[name].min():g}, expected at least 0")
+    for name in ("stance", "limited"):
+        flags = np.zeros(num_legs, dtype=bool) if given[name] is None else np.asarray(given[name])
+        if flags.shape != (num_legs,) or flags.dtype != bool:
+            raise InvalidInputError(f"{name}: expected {num_legs} booleans, got {flags.dtype} of shape {flags.shape}")
+        given[name] = flags
+    if isinstance(command.phase, (bool, np.bool_)) or not isinstance(command.phase, (int, np.integer)):
+        raise InvalidInputError(f"phase: {command.phase!r:.80}, expected a whole number")
+    given["diagnostics"] = {name: _number(name, value) for name, value in command.diagnostics.items()}
+    return Command(**given)
+
+
+def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    array = check_array(name, value, shape, ("leg", "joint"))
+    if array.ndim != 2:
+        raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
+    return array
+
+
+def _number(name: object, value: Any) -> float:
+    if not isinstance(name, str):
+        raise InvalidInputError(f"diagnostics: {name!r:.80} as a name, expected a string")
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"diagnostics: {name}: expected a number, got {value!r:.80}") from error
 
 
 class ControlRun(Protocol):
-    """One run of a controller: holds its state from tick to tick."""
+    """One run of a controller: it holds the state from tick to tick (A section 4)."""
 
     def command(self, observation: Observation) -> Command:
         """Return the command for the tick that begins with ``observation``."""
 
 
 class Controller(Protocol):
-    """A controller is a value that can be started any number of times; equal runs give equal commands."""
+    """A controller is a value that can be started any number of times; equal runs give equal commands (A section 4)."""
 
     @property
     def robot(self) -> Robot:
@@ -67,4 +159,4 @@ class Controller(Protocol):
         """Every parameter but the robot, by name, fit for JSON."""
 
     def start(self, observation: Observation, control_rate: float) -> ControlRun:
-        """Begin a run; ``control_rate`` [Hz] is how often ``command`` will be called."""
+        """Begin a run with an ``observation``; ``control_rate`` [Hz] is how often ``command`` will be called."""

@@ -193,14 +193,10 @@ class PostureRun:
         # An unreachable foot keeps its last command, one beyond a joint limit stops at it; both are reported.
         q = np.where(solution.reachable[:, None], solution.q, self._q)
         self._q = np.clip(q, robot.q_min, robot.q_max)
-        return Command(
-            self._q,
-            stance,
-            self._phase,
-            extending,
-            ~solution.within_limits,
-            self._delta_z,
-            self._delta_alpha,
-            self._delta_beta,
-            self._misfit,
-        )
+        diagnostics = {
+            "delta_z": self._delta_z,
+            "delta_alpha": self._delta_alpha,
+            "delta_beta": self._delta_beta,
+            "plane_misfit": self._misfit,
+        }
+        return Command(self._q, stance, self._phase, extending, ~solution.within_limits, diagnostics)

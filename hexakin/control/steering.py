@@ -233,8 +233,7 @@ class SteeringRun:
         solution = inverse_kinematics(robot, self._feet)
         q = np.where(solution.reachable[:, None], solution.q, self._q)
         self._q = np.clip(q, robot.q_min, robot.q_max)
-        nothing = float("nan")
-        return Command(self._q, ~swinging, phase, False, ~solution.within_limits, nothing, nothing, nothing, nothing)
+        return Command(self._q, ~swinging, phase, limited=~solution.within_limits)
 
 
 def _checked(twist: Any) -> Twist:

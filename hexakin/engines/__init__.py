@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from hexakin.engines.base import Engine, Reading
+from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import UnknownNameError
 
 ENGINES = {
@@ -13,7 +13,7 @@ ENGINES = {
 }
 """Name -> (module, class)."""
 
-__all__ = ["ENGINES", "Engine", "Reading", "engine_class"]
+__all__ = ["ENGINES", "Engine", "Reading", "TorqueLaw", "engine_class"]
 
 
 def engine_class(name: str) -> type[Engine]:

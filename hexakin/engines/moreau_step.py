@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array
-from hexakin.contact.impulses import solve_impact, solve_impulses
+from hexakin.contact.impulses import AT_HIGH, AT_LOW, HOLDS, solve_impact, solve_impulses
 from hexakin.engines.ground_contacts import Bodies, Contacts, find_contacts
 from hexakin.engines.ground_grid import Ground
 from hexakin.numerics.numba_cache import Whole, compiled
@@ -47,6 +47,20 @@ class Law(NamedTuple):
     max_sweeps: int
     reach: float
     margin: float
+
+
+class Drive(NamedTuple):
+    """How m joints are driven in a run of steps, changed in place between the runs.
+
+    ``command`` (m,) [rad] are the wanted angles. If ``by_torque`` (1,), joints give the torques
+    ``torque + kp (command - angle) - kd rate`` (m,), up to the servos' limit; else their servos follow the command.
+    """
+
+    command: Array
+    by_torque: NDArray[np.bool_]
+    kp: Array
+    kd: Array
+    torque: Array
 
 
 class State(NamedTuple):
@@ -116,12 +130,77 @@ def _momentum(M: Array, v: Array, turning: Array, bias_force: Array, h: float, r
 
 
 @compiled
+def _solve_torques(
+    M: Array,
+    r: Array,
+    J: Array,
+    mu: Array,
+    bias: Array,
+    q: Array,
+    drive: Drive,
+    bodies: Bodies,
+    law: Law,
+    facets: int | None,
+    state: State,
+    p: Array,
+    u: Array,
+    after: Array,
+) -> float:
+    """Velocities ``after`` and contact impulses p with joints that give torques; the solver's residual.
+
+    The torques are those of the angles and rates at the end of the step, which makes them a part of the mass matrix:
+    M + h (kd + h kp / 2) on the diagonal (q is the configuration half-way). Which joints give their limit instead is
+    found by trying: those whose torque would be beyond it.
+    """
+    m, h, limit = bodies.servo.size, law.h, law.h * law.servo_torque
+    nobody, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
+    wanted, soft = np.empty(m), np.empty(m)
+    for j in range(m):
+        wanted[j] = h * (drive.torque[j] + drive.kp[j] * (drive.command[j] - q[bodies.servo_q[j]]))
+        soft[j] = h * (drive.kd[j] + 0.5 * h * drive.kp[j])
+        state.hold[j] = HOLDS
+    residual = np.inf
+    for _ in range(12):
+        for j in range(m):
+            i = bodies.servo[j]
+            if state.hold[j] == HOLDS:
+                M[i, i] += soft[j]
+                r[i] += wanted[j]
+            else:
+                r[i] += limit * state.hold[j]
+        residual, _ = solve_impulses(
+            M, r, J, mu, bias, np.zeros(mu.size), nobody, nothing, nothing, nothing, nobody, p, nothing, u, after,
+            facets, law.compliance, law.tolerance, law.max_sweeps,
+        )  # fmt: skip
+        changed = False
+        for j in range(m):
+            i = bodies.servo[j]
+            free = wanted[j] - soft[j] * after[i]
+            if state.hold[j] == HOLDS:
+                M[i, i] -= soft[j]
+                r[i] -= wanted[j]
+                state.s[j] = min(max(free, -limit), limit)
+                if abs(free) > limit * (1.0 + 1e-10):
+                    state.hold[j] = AT_HIGH if free > 0.0 else AT_LOW
+                    changed = True
+            else:
+                r[i] -= limit * state.hold[j]
+                state.s[j] = limit * state.hold[j]
+                if free * state.hold[j] < limit:
+                    state.hold[j] = HOLDS
+                    changed = True
+        if not changed:
+            break
+    return residual
+
+
+@compiled
 def solve_step(
     M_upper: Array,
     bias_force: Array,
     J_world: Array,
     q: Array,
-    command: Array,
+    drive: Drive,
     bodies: Bodies,
     contacts: Contacts,
     found: int,
@@ -199,14 +278,18 @@ def solve_step(
             facets, law.compliance, law.tolerance, law.max_sweeps,
         )  # fmt: skip
     _momentum(M, start, turning, bias_force, rest, r)
-    target, low, high = np.empty(m), np.empty(m), np.empty(m)
-    for j in range(m):
-        low[j], high[j] = -h * law.servo_torque, h * law.servo_torque
-        target[j] = law.servo_rate * (command[j] - q[bodies.servo_q[j]]) / (1.0 + 0.5 * h * law.servo_rate)
-    last, _ = solve_impulses(
-        M, r, J, mu, bias, np.zeros(n), bodies.servo, target, low, high, state.hold, p, state.s, u, after,
-        facets, law.compliance, law.tolerance, law.max_sweeps,
-    )  # fmt: skip
+    if drive.by_torque[0]:
+        last = _solve_torques(M, r, J, mu, bias, q, drive, bodies, law, facets, state, p, u, after)
+    else:
+        target, low, high = np.empty(m), np.empty(m), np.empty(m)
+        for j in range(m):
+            low[j], high[j] = -h * law.servo_torque, h * law.servo_torque
+            lag = drive.command[j] - q[bodies.servo_q[j]]
+            target[j] = law.servo_rate * lag / (1.0 + 0.5 * h * law.servo_rate)
+        last, _ = solve_impulses(
+            M, r, J, mu, bias, np.zeros(n), bodies.servo, target, low, high, state.hold, p, state.s, u, after,
+            facets, law.compliance, law.tolerance, law.max_sweeps,
+        )  # fmt: skip
     residual = max(residual, last)
     # Work by the trapezoidal rule, which is exact for a constant mass matrix.
     for j in range(m):
@@ -286,7 +369,7 @@ def march(
     J: Array,
     poses: Array,
     q: Array,
-    command: Array,
+    drive: Drive,
     bodies: Bodies,
     ground: Ground,
     contacts: Contacts,
@@ -307,6 +390,6 @@ def march(
         if near > 0 or bodies.meeting:
             yield near
             found = state.found[0]
-        solve_step(M, bias_force, J, q, command, bodies, contacts, found, law, facets, state)
+        solve_step(M, bias_force, J, q, drive, bodies, contacts, found, law, facets, state)
         drift(q, state.v, bodies, law.h)
         yield -1

@@ -11,10 +11,11 @@ from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.contact.impulses import HOLDS
 from hexakin.contact.problem import check_facets
 from hexakin.dynamics import pin
+from hexakin.engines.base import TorqueLaw
 from hexakin.engines.box_contacts import BoxTouch
 from hexakin.engines.ground_contacts import Bodies, empty_contacts
 from hexakin.engines.ground_grid import compile_ground
-from hexakin.engines.moreau_step import CAPACITY, Law, State, drift, march
+from hexakin.engines.moreau_step import CAPACITY, Drive, Law, State, drift, march
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
 from hexakin.numerics.numba_cache import announced
@@ -118,14 +119,15 @@ class MoreauStepper:
             sums=np.zeros(4),
             rate_moment=np.zeros((3, 3)),
         )
-        self._q_half, self._command = pin.neutral(model), np.zeros(count)
+        self._q_half = pin.neutral(model)
+        self._drive = Drive(np.zeros(count), np.zeros(1, dtype=np.bool_), *(np.zeros(count) for _ in range(3)))
         self._contacts = empty_contacts(CAPACITY)
         self._pairs = np.zeros((CAPACITY, 2), dtype=np.int64)
         self.steps = self.unsolved_steps = 0
         data = self._data
         with announced("the rigid engine"):
             self._march = march(
-                data.M, data.nle, data.J, _pose_view(model, data), self._q_half, self._command, self._bodies, ground,
+                data.M, data.nle, data.J, _pose_view(model, data), self._q_half, self._drive, self._bodies, ground,
                 self._contacts, self._pairs, self._law, check_facets(facets), self._state,
             )  # fmt: skip
 
@@ -165,22 +167,30 @@ class MoreauStepper:
         kinetic = pin.computeKineticEnergy(self._model, self._data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self._model, self._data, q))
 
-    def advance(self, num_steps: int, command: ArrayLike | None = None) -> StepSums:
-        """Make time steps, the servos driven towards the angles ``command`` (m,) [rad].
+    def advance(
+        self, num_steps: int, command: ArrayLike | None = None, torque_law: TorqueLaw | None = None
+    ) -> StepSums:
+        """Make ``num_steps`` time steps, the servos driven towards the angles ``command`` (m,) [rad].
 
+        With a ``torque_law`` of m joints it gives the torques of the joints instead.
         Raises SimulationError, with the step's number and residual, when contact forces cannot be found or the state is
         no longer finite.
         """
         model, data, q, v = self._model, self._data, self._q_half, self._state.v
         state, loop, world = self._state, self._march, pin.Convention.WORLD
         angles = np.zeros(0) if command is None else np.asarray(command, dtype=float).ravel()
-        if angles.shape != self._command.shape:
-            raise InvalidInputError(f"command: expected {self._command.size} angles, got {angles.size}")
-        self._command[:] = angles
+        drive = self._drive
+        if angles.shape != drive.command.shape:
+            raise InvalidInputError(f"command: expected {drive.command.size} angles, got {angles.size}")
+        drive.command[:] = angles
+        drive.by_torque[0] = torque_law is not None
+        if torque_law is not None:
+            for mine, given in zip((drive.kp, drive.kd, drive.torque), torque_law, strict=True):
+                mine[:] = np.ravel(given)
         state.impulse[:] = 0.0
         state.sums[:] = 0.0
         state.rate_moment[:] = 0.0
-        worst, driven = 0.0, self._command.size > 0
+        worst, driven = 0.0, drive.command.size > 0
         turning = np.ones(model.nv, dtype=bool)
         for j in self._bodies.floating[:, 1]:
             turning[j : j + 3] = False

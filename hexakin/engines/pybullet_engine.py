@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.engines.base import Engine, Reading
+from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, Robot
@@ -173,7 +173,7 @@ class PyBulletEngine(Engine):
             return pybullet.loadURDF(str(path), flags=flags, physicsClientId=self._client)
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
-        """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
+        """Put the robot at rest with the pose ``T_world_body`` (4, 4) [m] and the joint angles ``q`` (L, 3) [rad]."""
         T = check_array("T_world_body", T_world_body, (4, 4)) @ self._T_body_inertial
         angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
         center, quaternion = T[:3, 3], _quat_xyzw(T[:3, :3])
@@ -182,24 +182,24 @@ class PyBulletEngine(Engine):
         for joint, angle in zip(self._joints, angles.ravel(), strict=True):
             pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
 
-    def advance(self, q_command: ArrayLike, num_steps: int) -> Reading:
-        """Drive the servos towards ``q_command`` (L, 3) [rad] for this many time steps and read the sensors."""
-        robot, count = self._robot, len(self._joints)
+    def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
+        """Drive the joints for ``num_steps`` time steps and read the sensors.
+
+        The servos turn them towards ``q_command`` (L, 3) [rad]; with a ``torque_law`` it gives their torques instead,
+        with angles and rates of the beginning of each step: a joint of inertia I is then stable up to
+        kd = 2 I / time_step. Raises InvalidInputError for a wrong shape or number, SimulationError when the state is
+        no longer finite.
+        """
+        robot = self._robot
         target = check_array("q_command", q_command, (robot.num_legs, NUM_JOINTS), ("leg", "joint")).ravel()
-        pybullet.setJointMotorControlArray(
-            self._body,
-            self._joints,
-            pybullet.POSITION_CONTROL,
-            targetPositions=target.tolist(),
-            targetVelocities=[0.0] * count,
-            forces=[robot.servo.max_torque] * count,
-            positionGains=[robot.servo.rate * self._time_step] * count,
-            velocityGains=[1.0] * count,
-            physicsClientId=self._client,
-        )
+        check_whole("num_steps", num_steps, at_least=1)
+        self._drive_servos(target, 0.0 if torque_law is not None else robot.servo.max_torque)
+        torque = None
         foot, torso, limb, depth = np.zeros((num_steps, robot.num_legs)), 0.0, 0.0, 0.0
         rate_moment = np.zeros((3, 3))
         for step in range(num_steps):
+            if torque_law is not None:
+                torque = self._apply_torques(target, torque_law)
             pybullet.stepSimulation(physicsClientId=self._client)
             rate = self._body_rate()
             rate_moment += rate[:, None] * rate
@@ -212,7 +212,35 @@ class PyBulletEngine(Engine):
                     torso += force
                 else:
                     limb += force
-        return self._read(foot, torso / num_steps, limb / num_steps, depth, rate_moment / num_steps)
+        reading = self._read(foot, torso / num_steps, limb / num_steps, depth, rate_moment / num_steps)
+        return reading if torque is None else reading._replace(joint_torque=torque.reshape(reading.q.shape))
+
+    def _drive_servos(self, target: Array, max_torque: float) -> None:
+        """Drive all joints towards angles (m,) [rad] with at most this torque [N m]; 0 lets go of them."""
+        count = len(self._joints)
+        pybullet.setJointMotorControlArray(
+            self._body,
+            self._joints,
+            pybullet.POSITION_CONTROL,
+            targetPositions=target.tolist(),
+            targetVelocities=[0.0] * count,
+            forces=[max_torque] * count,
+            positionGains=[self._robot.servo.rate * self._time_step] * count,
+            velocityGains=[1.0] * count,
+            physicsClientId=self._client,
+        )
+
+    def _apply_torques(self, target: Array, law: TorqueLaw) -> Array:
+        """Apply a torque law for one step; returns the torques (m,) [N m]."""
+        states = pybullet.getJointStates(self._body, self._joints, physicsClientId=self._client)
+        angle, rate = np.array([state[:2] for state in states]).T
+        kp, kd, added = (np.ravel(values) for values in law)
+        limit = self._robot.servo.max_torque
+        torque = np.clip(added + kp * (target - angle) - kd * rate, -limit, limit)
+        pybullet.setJointMotorControlArray(
+            self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torque.tolist(), physicsClientId=self._client
+        )
+        return torque
 
     def _body_rate(self) -> Array:
         """Angular velocity (3,) [rad/s] in the body frame."""
@@ -242,6 +270,7 @@ class PyBulletEngine(Engine):
             body_angular_velocity=T[:3, :3].T @ np.array(angular),
             body_rate_moment=rate_moment,
             q=q,
+            joint_velocity=np.array([state[1] for state in states]).reshape(shape),
             joint_torque=np.array([state[3] for state in states]).reshape(shape),
             foot_force=foot.mean(axis=0),
             foot_force_last=foot[-1],

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_whole
 from hexakin.dynamics import build_model, configuration, pin
-from hexakin.engines.base import Engine, Reading
+from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.engines.moreau_stepper import MoreauStepper, Servos
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError
@@ -68,16 +68,21 @@ class RigidEngine(Engine):
         )
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
-        """Put the robot at rest with this pose (4, 4) and these joint angles (L, 3) [rad]."""
+        """Put the robot at rest with the pose ``T_world_body`` (4, 4) [m] and the joint angles ``q`` (L, 3) [rad]."""
         self._stepper.place(configuration(self._robot, T_world_body, q))
 
-    def advance(self, q_command: ArrayLike, num_steps: int) -> Reading:
-        """Drive the servos towards ``q_command`` (L, 3) [rad] for this many time steps and read the sensors."""
+    def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
+        """Drive the joints for ``num_steps`` time steps and read the sensors.
+
+        The servos turn them towards ``q_command`` (L, 3) [rad]; with a ``torque_law`` it gives their torques instead,
+        with angles and rates of the end of each step, so that stiff and strongly damped laws are stable too.
+        Raises InvalidInputError for a wrong shape or number, SimulationError when no contact forces are found.
+        """
         robot, stepper = self._robot, self._stepper
         shape = (robot.num_legs, NUM_JOINTS)
         command = check_array("q_command", q_command, shape, ("leg", "joint"))
         duration = check_whole("num_steps", num_steps, at_least=1) * stepper.time_step
-        sums = stepper.advance(num_steps, command)
+        sums = stepper.advance(num_steps, command, torque_law)
         q, v = stepper.q, stepper.v
         rotation = pin.Quaternion(q[3:7]).toRotationMatrix()
         force = sums.normal_impulse / duration
@@ -87,6 +92,7 @@ class RigidEngine(Engine):
             body_angular_velocity=v[3:6],
             body_rate_moment=sums.rate_moment / num_steps,
             q=q[7:].reshape(shape),
+            joint_velocity=v[6:].reshape(shape),
             joint_torque=stepper.servo_torque.reshape(shape),
             foot_force=force[: robot.num_legs],
             foot_force_last=sums.last_normal_impulse[: robot.num_legs] / stepper.time_step,

@@ -7,7 +7,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,80 +17,78 @@ from numpy.typing import NDArray
 from hexakin.checks import Array
 from hexakin.exceptions import RecordingError
 
-_FORMAT = "hexakin-recording-3"
+_FORMAT = "hexakin-recording-4"
+_OLDER = ("hexakin-recording-3",)
+_DIAGNOSTIC = "diagnostics/"  # before a diagnostic's name in a file
+_FORMER_COLUMNS = ("delta_z", "delta_alpha", "delta_beta", "plane_misfit")  # of format 3; diagnostics since
 
 
-def _plain(value: Any) -> Any:
-    """NumPy numbers and arrays as JSON has them."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    raise TypeError(f"{value!r:.80} cannot be stored with a recording")
+def _column(shape: tuple[str | int, ...], unit: str, text: str, kind: str = "f") -> dict[str, Any]:
+    """Describe a column: the ``shape`` of one row ("L" for the legs), its unit, what it is, and NumPy's kind."""
+    return {"shape": shape, "unit": unit, "text": text, "kind": kind}
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Time series of n control ticks of a robot with L legs; row k is the instant ``time[k]``.
+    """Time series of n control ticks of a robot with L legs; row k is the instant ``time[k]`` (A section 5.2)."""
 
-    ==========================  ===========  =====  ==================================================
-    field                       shape        unit
-    ==========================  ===========  =====  ==================================================
-    time                        (n,)         s      start of the tick
-    T_world_body                (n, 4, 4)    m      pose of the body in the world
-    body_velocity               (n, 3)       m/s    of the body's origin, in the world frame
-    body_angular_velocity       (n, 3)       rad/s  in the body frame (the IMU)
-    body_rate_moment            (n, 3, 3)    1/s^2  mean of w w^T over the steps of the tick before, w as above
-    height                      (n,)         m      infrared range: body origin to ground, body downwards
-    q                           (n, L, 3)    rad    joint angles
-    q_command                   (n, L, 3)    rad    what the servos were told at this instant
-    joint_torque                (n, L, 3)    N m    of the servos, last physics step before this instant
-    p_body_foot                 (n, L, 3)    m      foot centres in the body frame
-    foot_force                  (n, L)       N      normal, mean over the tick before
-    foot_force_last             (n, L)       N      normal, in the last physics step before this instant
-    torso_force, limb_force     (n,)         N      normal, mean over the tick before
-    penetration                 (n,)         m      deepest contact of the tick before
-    energy                      (n,)         J      kinetic and potential; NaN if the engine does not know
-    servo_work, contact_work    (n,)         J      put in during the tick before; NaN likewise
-    solver_residual             (n,)         1      largest of the tick before; NaN likewise
-    phase                       (n,)         1      running number of the gait phase
-    stance                      (n, L)       bool   legs commanded to carry
-    extending                   (n,)         bool   feet are reaching for lost ground
-    limited                     (n, L)       bool   foot target clipped (out of reach or joint limits)
-    delta_z                     (n,)         m      height error in use
-    delta_alpha, delta_beta     (n,)         rad    estimated slope in use, pitch and roll
-    plane_misfit                (n,)         m      largest distance of another supporting foot from the plane
-    ==========================  ===========  =====  ==================================================
+    time: Array = field(metadata=_column((), "s", "start of the tick"))
+    T_world_body: Array = field(metadata=_column((4, 4), "m", "pose of the body in the world"))
+    body_velocity: Array = field(metadata=_column((3,), "m/s", "of the body's origin, in the world frame"))
+    body_angular_velocity: Array = field(metadata=_column((3,), "rad/s", "in the body frame (the IMU)"))
+    body_rate_moment: Array = field(
+        metadata=_column((3, 3), "1/s^2", "mean of w w^T over the steps of the tick before, w as above")
+    )
+    height: Array = field(
+        metadata=_column((), "m", "infrared range: body origin to ground, along the body's downward axis")
+    )
+    q: Array = field(metadata=_column(("L", 3), "rad", "joint angles"))
+    joint_velocity: Array = field(
+        metadata=_column(("L", 3), "rad/s", "rates of the joint angles; NaN in recordings before 0.2")
+    )
+    q_command: Array = field(metadata=_column(("L", 3), "rad", "commanded joint angles at this instant"))
+    joint_torque: Array = field(
+        metadata=_column(("L", 3), "N m", "of the servos, last physics step before this instant")
+    )
+    p_body_foot: Array = field(metadata=_column(("L", 3), "m", "foot centres in the body frame"))
+    foot_force: Array = field(metadata=_column(("L",), "N", "normal, mean over the tick before"))
+    foot_force_last: Array = field(
+        metadata=_column(("L",), "N", "normal, in the last physics step before this instant")
+    )
+    torso_force: Array = field(metadata=_column((), "N", "normal, mean over the tick before"))
+    limb_force: Array = field(
+        metadata=_column((), "N", "normal, of all coxae, femora and tibiae, mean over the tick before")
+    )
+    penetration: Array = field(metadata=_column((), "m", "deepest contact of the tick before"))
+    energy: Array = field(metadata=_column((), "J", "kinetic and potential; NaN if the engine does not know it"))
+    servo_work: Array = field(metadata=_column((), "J", "put in by the servos during the tick before; NaN likewise"))
+    contact_work: Array = field(
+        metadata=_column((), "J", "put in by the contacts during the tick before; NaN likewise")
+    )
+    solver_residual: Array = field(
+        metadata=_column((), "1", "largest of the contact solver in the tick before; NaN likewise")
+    )
+    phase: NDArray[np.int_] = field(metadata=_column((), "1", "running number of the gait phase", "i"))
+    stance: NDArray[np.bool_] = field(metadata=_column(("L",), "bool", "legs commanded to carry", "b"))
+    extending: NDArray[np.bool_] = field(metadata=_column((), "bool", "feet are reaching for lost ground", "b"))
+    limited: NDArray[np.bool_] = field(
+        metadata=_column(("L",), "bool", "foot target clipped (out of reach or joint limits)", "b")
+    )
+    diagnostics: Mapping[str, Array] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
-    ``parameters`` is a JSON-like mapping: robot, terrain, controller, engine, steps, seed and versions.
-    """
+    def __getattr__(self, name: str) -> Array:
+        """Diagnostics by their names, as ``recording.delta_z``."""
+        # Not yet there while an object is being copied or unpickled.
+        diagnostics = self.__dict__.get("diagnostics", {})
+        if name in diagnostics:
+            return diagnostics[name]
+        raise AttributeError(f"a recording has no {name!r}; the controller's diagnostics are: {sorted(diagnostics)}")
 
-    time: Array
-    T_world_body: Array
-    body_velocity: Array
-    body_angular_velocity: Array
-    body_rate_moment: Array
-    height: Array
-    q: Array
-    q_command: Array
-    joint_torque: Array
-    p_body_foot: Array
-    foot_force: Array
-    foot_force_last: Array
-    torso_force: Array
-    limb_force: Array
-    penetration: Array
-    energy: Array
-    servo_work: Array
-    contact_work: Array
-    solver_residual: Array
-    phase: NDArray[np.int_]
-    stance: NDArray[np.bool_]
-    extending: NDArray[np.bool_]
-    limited: NDArray[np.bool_]
-    delta_z: Array
-    delta_alpha: Array
-    delta_beta: Array
-    plane_misfit: Array
-    parameters: Mapping[str, Any]
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every column by its name, the diagnostics among them; the first axis of each (n, ...) is time."""
+        return {column.name: getattr(self, column.name) for column in _COLUMNS} | dict(self.diagnostics)
 
     @property
     def num_legs(self) -> int:
@@ -113,12 +111,16 @@ class Recording:
         return np.cross(self.forward, [0.0, 0.0, 1.0])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a NumPy ``.npz`` archive; the file appears whole or not at all."""
+        """Write the recording to ``path`` as a NumPy ``.npz`` archive; the file appears whole or not at all.
+
+        Raises OSError where it cannot be written.
+        """
         target = Path(path)
         if target.suffix != ".npz":
             target = target.with_name(target.name + ".npz")
         temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "parameters"}
+        arrays = {column.name: getattr(self, column.name) for column in _COLUMNS}
+        arrays |= {_DIAGNOSTIC + name: values for name, values in self.diagnostics.items()}
         try:
             with open(temporary, "wb") as stream:
                 np.savez_compressed(
@@ -129,29 +131,64 @@ class Recording:
             temporary.unlink(missing_ok=True)
 
 
-_TRAILING: dict[str, tuple[str | int, ...]] = {
-    "T_world_body": (4, 4), "body_velocity": (3,), "body_angular_velocity": (3,), "body_rate_moment": (3, 3),
-    "q": ("L", 3), "q_command": ("L", 3), "joint_torque": ("L", 3), "p_body_foot": ("L", 3), "foot_force": ("L",),
-    "foot_force_last": ("L",), "stance": ("L",), "limited": ("L",),
-}  # fmt: skip
-_KINDS = {"phase": "i", "stance": "b", "extending": "b", "limited": "b"}
+_COLUMNS: tuple[Field, ...] = tuple(column for column in fields(Recording) if column.metadata)
+
+
+def _described() -> str:
+    """Recording's docstring with its columns as a table."""
+    rows = []
+    for column in _COLUMNS:
+        shape = ", ".join(["n", *map(str, column.metadata["shape"])])
+        rows.append(
+            (f"``{column.name}``", f"({shape}{',' * (shape == 'n')})", column.metadata["unit"], column.metadata["text"])
+        )
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    line = "  ".join("=" * width for width in widths)
+    head = "  ".join(text.ljust(width) for text, width in zip(("field", "shape", "unit", ""), widths, strict=True))
+    table = "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+    return f"""{Recording.__doc__}
+
+{line}
+{head.rstrip()}
+{line}
+{table}
+{line}
+
+``diagnostics`` maps each name that the controller gave to an array (n,) [in the controller's unit]; ``recording.name``
+is the same. ``parameters`` is a JSON-like mapping: robot, terrain, controller, engine, steps, seed and versions.
+"""
+
+
+Recording.__doc__ = _described()
+
+
+def _plain(value: Any) -> Any:
+    """NumPy numbers and arrays as JSON has them."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{value!r:.80} cannot be stored with a recording")
+
+
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError, NotImplementedError)
 
 
 def load_recording(path: str | os.PathLike[str]) -> Recording:
-    """Read what ``Recording.save`` wrote.
+    """Read what ``Recording.save`` wrote to ``path``, also by hexakin 0.1.
 
     Raises RecordingError, naming file and fault, for a file that is missing, truncated, damaged or of another kind.
     """
-    names = [field.name for field in fields(Recording) if field.name != "parameters"]
+    names = [column.name for column in _COLUMNS]
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            if "format" not in archive or str(archive["format"]) != _FORMAT:
+            made = str(archive["format"]) if "format" in archive else ""
+            if made not in (_FORMAT, *_OLDER):
                 raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
-            missing = [name for name in [*names, "parameters"] if name not in archive]
+            stored = {name: archive[name] for name in archive.files if name not in ("format", "parameters")}
+            if made in _OLDER:
+                stored = _brought_up(stored)
+            missing = [name for name in names if name not in stored] + ["parameters"] * ("parameters" not in archive)
             if missing:
                 raise RecordingError(f"{path}: lacks {', '.join(missing)}")
-            arrays = {name: archive[name] for name in names}
             parameters = json.loads(str(archive["parameters"]))
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file") from error
@@ -159,19 +196,29 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
         raise
     except _DAMAGED as error:
         raise RecordingError(f"{path}: truncated or damaged, not readable as a recording ({error})") from error
-    _check(str(path), arrays, parameters)
-    return Recording(**arrays, parameters=parameters)
+    columns = {name: stored[name] for name in names}
+    diagnostics = {k.removeprefix(_DIAGNOSTIC): v for k, v in stored.items() if k.startswith(_DIAGNOSTIC)}
+    _check(str(path), columns, diagnostics, parameters)
+    return Recording(**columns, diagnostics=diagnostics, parameters=parameters)
 
 
-def _check(path: str, arrays: dict[str, np.ndarray], parameters: Any) -> None:
+def _brought_up(stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns of an older format as they are stored now; rates that were not recorded are NaN."""
+    columns = {_DIAGNOSTIC + name if name in _FORMER_COLUMNS else name: values for name, values in stored.items()}
+    return columns | {"joint_velocity": np.full(stored["q"].shape, np.nan)}
+
+
+def _check(path: str, columns: dict[str, np.ndarray], diagnostics: dict[str, np.ndarray], parameters: Any) -> None:
     """Raise RecordingError unless shapes, kinds and the parameters that others rely on are those of the table."""
-    time = arrays["time"]
-    legs = arrays["q"].shape[1] if arrays["q"].ndim == 3 else 0
+    time = columns["time"]
+    legs = columns["q"].shape[1] if columns["q"].ndim == 3 else 0
     if time.ndim != 1 or len(time) == 0 or legs == 0:
-        raise RecordingError(f"{path}: time {time.shape} and q {arrays['q'].shape} are not those of a recording")
-    for name, array in arrays.items():
-        shape = (len(time), *(legs if size == "L" else size for size in _TRAILING.get(name, ())))
-        if array.shape != shape or array.dtype.kind != _KINDS.get(name, "f"):
+        raise RecordingError(f"{path}: time {time.shape} and q {columns['q'].shape} are not those of a recording")
+    expected = {column.name: (column.metadata["shape"], column.metadata["kind"]) for column in _COLUMNS}
+    for name, array in {**columns, **diagnostics}.items():
+        trailing, kind = expected.get(name, ((), "f"))
+        shape = (len(time), *(legs if size == "L" else size for size in trailing))
+        if array.shape != shape or array.dtype.kind != kind:
             raise RecordingError(f"{path}: {name} has shape {array.shape} of {array.dtype}, expected {shape}")
     needed = ("robot", "phases_per_cycle", "controller", "control_rate")
     if not isinstance(parameters, dict) or any(name not in parameters for name in needed):

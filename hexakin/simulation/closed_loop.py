@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.control.interface import Command, Controller, Observation
-from hexakin.engines import Engine, Reading, engine_class
+from hexakin.control.interface import Command, Controller, Observation, check_command
+from hexakin.engines import Engine, Reading, TorqueLaw, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import __version__
 from hexakin.kinematics.forward import forward_kinematics, standing_height
@@ -181,28 +181,78 @@ def _walk(
                 f"t = {tick / control_rate:g} s: no ground below the torso; the robot has turned over"
             )
         force = reading.foot_force_last if last_force else reading.foot_force
-        observation = Observation(tick / control_rate, reading.q, force, height)
+        observation = _observation(tick / control_rate, reading, force, height)
         run = run or controller.start(observation, control_rate)
-        command = run.command(observation)
+        command = _checked(controller, run.command(observation), observation.time, rows[0][1] if rows else None)
         if command.phase >= end_phase:
             break
         rows.append((reading, command, height))
-        reading = simulator.advance(command.q, steps_per_tick)
+        reading = simulator.advance(command.q, steps_per_tick, _torque_law(command))
     return rows
+
+
+def _observation(time: float, reading: Reading, foot_force: Array, height: float) -> Observation:
+    return Observation(
+        time=time,
+        q=reading.q,
+        joint_velocity=reading.joint_velocity,
+        foot_force=foot_force,
+        height=height,
+        body_angular_velocity=reading.body_angular_velocity,
+        up_in_body=reading.T_world_body[2, :3].copy(),  # the world's z axis in the body frame
+    )
+
+
+def _checked(controller: Controller, command: object, time: float, first: Command | None) -> Command:
+    """The command of a tick; InvalidInputError that names the controller for one that cannot be used."""
+    try:
+        checked = check_command(command, controller.robot.num_legs)
+        if first is not None and checked.diagnostics.keys() != first.diagnostics.keys():
+            odd = sorted(checked.diagnostics.keys() ^ first.diagnostics.keys())
+            raise InvalidInputError(f"diagnostics: {', '.join(odd)} not at every tick")
+    except InvalidInputError as error:
+        raise InvalidInputError(f"command of {type(controller).__name__} at t = {time:g} s: {error}") from error
+    return checked
+
+
+def _torque_law(command: Command) -> TorqueLaw | None:
+    """The torques that a command asks for; None if the servos are to follow its angles."""
+    given = (command.kp, command.kd, command.torque)
+    if all(values is None for values in given):
+        return None
+    return TorqueLaw(*(np.zeros(command.q.shape) if values is None else values for values in given))
 
 
 def _recording(
     robot: Robot, rows: list[tuple[Reading, Command, float]], control_rate: float, parameters: dict[str, Any]
 ) -> Recording:
     readings, commands, heights = zip(*rows, strict=True)
-    sensed = {name: np.array([getattr(r, name) for r in readings]) for name in Reading._fields}
-    commanded = {name: np.array([getattr(c, name) for c in commands]) for name in Command._fields if name != "q"}
+    q = np.array([r.q for r in readings])
     return Recording(
         time=np.arange(len(rows)) / control_rate,
+        T_world_body=np.array([r.T_world_body for r in readings]),
+        body_velocity=np.array([r.body_velocity for r in readings]),
+        body_angular_velocity=np.array([r.body_angular_velocity for r in readings]),
+        body_rate_moment=np.array([r.body_rate_moment for r in readings]),
         height=np.array(heights),
-        q_command=np.array([command.q for command in commands]),
-        p_body_foot=forward_kinematics(robot, sensed["q"]),
-        **sensed,
-        **commanded,
+        q=q,
+        joint_velocity=np.array([r.joint_velocity for r in readings]),
+        q_command=np.array([c.q for c in commands]),
+        joint_torque=np.array([r.joint_torque for r in readings]),
+        p_body_foot=forward_kinematics(robot, q),
+        foot_force=np.array([r.foot_force for r in readings]),
+        foot_force_last=np.array([r.foot_force_last for r in readings]),
+        torso_force=np.array([r.torso_force for r in readings]),
+        limb_force=np.array([r.limb_force for r in readings]),
+        penetration=np.array([r.penetration for r in readings]),
+        energy=np.array([r.energy for r in readings]),
+        servo_work=np.array([r.servo_work for r in readings]),
+        contact_work=np.array([r.contact_work for r in readings]),
+        solver_residual=np.array([r.solver_residual for r in readings]),
+        phase=np.array([c.phase for c in commands]),
+        stance=np.array([c.stance for c in commands]),
+        extending=np.array([c.extending for c in commands]),
+        limited=np.array([c.limited for c in commands]),
+        diagnostics={name: np.array([c.diagnostics[name] for c in commands]) for name in commands[0].diagnostics},
         parameters=parameters,
     )

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hexakin.checks import Array, check_number, check_whole
-from hexakin.control.interface import Controller, Observation
+from hexakin.control.interface import Controller, Observation, check_command
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.clearance import foot_gaps
 from hexakin.motion.motion import Motion
@@ -36,14 +36,24 @@ def commanded_walk(
     T[:3, 3] -= down
     world -= down
     loaded = np.ones(robot.num_legs, dtype=bool)
+    q_before, T_before = q, T
     while True:
         weight = np.where(loaded, robot.weight / max(loaded.sum(), 1), 0.0)
-        observation = Observation(tick / control_rate, q, weight, torso_height(terrain, T))
+        observation = Observation(
+            time=tick / control_rate,
+            q=q,
+            joint_velocity=control_rate * (q - q_before),
+            foot_force=weight,
+            height=torso_height(terrain, T),
+            body_angular_velocity=_body_rate(T_before, T, control_rate),
+            up_in_body=T[2, :3].copy(),
+        )
         run = run or controller.start(observation, control_rate)
-        command = run.command(observation)
+        command = check_command(run.command(observation), robot.num_legs)
         if command.phase >= num_cycles * controller.phases_per_cycle:
             break
         tick += 1
+        q_before, T_before = q, T
         q, stance = command.q, command.stance
         feet = forward_kinematics(robot, q)
         T = _follow(feet[stance], world[stance], T)
@@ -52,6 +62,11 @@ def commanded_walk(
         samples.append((tick / control_rate, T, feet, q, stance, command.limited))
     time, poses, p_body_foot, angles, carrying, clipped = (np.array(values) for values in zip(*samples, strict=True))
     return Motion(time, poses, p_body_foot, angles, carrying, clipped, touch=near)
+
+
+def _body_rate(T_before: Array, T: Array, control_rate: float) -> Array:
+    """Mean angular velocity (3,) [rad/s] between two poses that are a tick apart, in the body frame."""
+    return control_rate * Rotation.from_matrix(T_before[:3, :3].T @ T[:3, :3]).as_rotvec()
 
 
 def _follow(body: Array, world: Array, T_before: Array) -> Array:
