@@ -1,11 +1,11 @@
-# make reproduce   every notebook from top to bottom, as one browsable report
+# make reproduce   run every notebook and write the HTML report
 # make test        lint, types, unit tests, notebook tests
-# make lab         JupyterLab
-# make reference   the library's reference, made of its docstrings
-# make benchmarks  speed beside other libraries, into data/results/speed.csv; for an idle machine
-# Each works as the first command; the set-up is done when it is needed.
+# make lab         open JupyterLab
+# make reference   write the library's reference from its docstrings
+# make benchmarks  compare speed with other libraries, into data/results/speed.csv (use an idle machine)
+# Each can be the first command: it sets up the environment if needed.
 
-# The first Python 3.11 found; name another one with: make reproduce PYTHON=/path/to/python3.11
+# The first Python 3.11 found. To use another one: make reproduce PYTHON=/path/to/python3.11
 PYTHON ?= $(shell for p in python3.11 python3 python; do \
 	$$p -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' >/dev/null 2>&1 && { echo $$p; break; }; done)
 VENV := .venv
@@ -31,8 +31,8 @@ test: $(VENV)/installed
 lab: $(VENV)/installed
 	$(RUN) jupyter lab notebooks
 
-# Every module by its name: pdoc leaves out those that a package's __all__ does not list. It cannot evaluate the
-# annotations of NamedTuples and shows them as they are written.
+# All modules are named, because pdoc leaves out modules that are not in a package's __all__. pdoc cannot evaluate the
+# annotations of NamedTuples and shows them as text.
 reference: $(VENV)/installed
 	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -W "ignore:The module specification" -m pdoc --docformat numpy --output-directory report/reference \
 		$$($(VENV)/bin/python -c 'from hexakin.installation import modules; print(*modules(), "!hexakin.generated")')
@@ -42,11 +42,11 @@ benchmarks: $(VENV)/installed
 	$(RUN) pip install --quiet --disable-pip-version-check -r tests/benchmarks/peers.txt
 	$(VENV)/bin/python tests/benchmarks
 
-# For maintainers: run the notebooks in place, so that their stored outputs are fresh.
+# For maintainers: run the notebooks in place, to renew their stored outputs.
 notebooks: $(VENV)/installed
 	$(RUN) jupyter nbconvert --to notebook --execute --inplace --ExecutePreprocessor.store_widget_state=False notebooks/*.ipynb
 
-# For maintainers: pin every package anew, transitive ones too.
+# For maintainers: pin the newest version of every package, with all dependencies.
 environment: $(VENV)/installed
 	$(RUN) uv pip compile --quiet --upgrade --universal --python-version 3.11 --all-extras --no-header pyproject.toml -o environment.txt
 

@@ -1,4 +1,4 @@
-"""Pictures that move: what a page holds, against the kinematics and the recording, and what files are written."""
+"""Animations: the content of a page, compared with kinematics and recording, and the files that are written."""
 
 import dataclasses
 import html
@@ -43,7 +43,7 @@ def content(walk):
 
 @pytest.fixture(scope="module")
 def marked(hwr):
-    """A plan whose steps are too long, so that legs are out of reach at times."""
+    """A plan with steps that are too long, so that legs are out of reach at some instants."""
     return hk.plan_walk(hwr, Plane(), 2, 0.36, heading=1.57, samples_per_step=30, on_failure="mark")
 
 
@@ -80,9 +80,9 @@ def test_a_page_is_one_file_that_loads_nothing(walk, tmp_path):
     assert not [tag for tag, attributes in tags if {"src", "href", "data"} & set(attributes)]
     (style,) = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
     assert "url(" not in style and "@import" not in style
-    # The only address in the viewer and the page names XML's namespace, or stands in a comment.
+    # The only addresses in the viewer and the page are XML's namespace and addresses in comments.
     for address in re.findall(r"(?:https?|wss?):/+[\w.$]*", re.sub(r"<!--.*?-->", "", page)):
-        assert address in ("http://www.w3.org", "ws://$")  # the latter in connect(), which is not called
+        assert address in ("http://www.w3.org", "ws://$")  # the second one is in connect(), which is not called
     assert "viewer.connect" not in page
     assert 0.8e6 < path.stat().st_size < 3e6
 
@@ -145,7 +145,7 @@ def test_arrows_are_as_long_as_the_forces_and_along_the_ramps_normal(walk, short
 
 def test_the_polygon_drawn_at_each_instant_is_that_of_the_loaded_feet(athena, short_walk):
     force = short_walk.foot_force.copy()
-    force[5, :4], force[6] = 0.0, 0.0  # two feet and none: no polygon, and in the end no ZMP
+    force[5, :4], force[6] = 0.0, 0.0  # two feet, then none, carry load: no polygon, and in the second case no ZMP
     shown = animate(athena, dataclasses.replace(short_walk, foot_force=force), Ramp(), show=("polygon", "zmp"))
     content = content_of(shown.html())
     points, path = vertices(content, "/overlay/polygon/edge"), "/overlay/polygon/edge/<object>"

@@ -1,4 +1,4 @@
-"""What the figures show: blocks and what they hide, boxes, maps, bars, and the files they are written to."""
+"""Figures: blocks and what they hide, box plots, maps, bars, and the files that figures are written to."""
 
 import dataclasses
 import itertools
@@ -55,7 +55,7 @@ def blocks_of(axes):
 
 
 def summaries(count, repeats=10, seed=0):
-    """Five numbers (count, repeats, 5) of made-up samples."""
+    """Five-number summaries (count, repeats, 5) of random samples."""
     samples = np.random.default_rng(seed).normal(100.0, 5.0, (count, repeats, 24))
     return np.moveaxis(np.quantile(samples, [0.0, 0.25, 0.5, 0.75, 1.0], axis=-1), 0, -1)
 
@@ -234,7 +234,7 @@ def test_boxes_show_the_medians_over_repeats(ax, levels):
 def test_boxes_of_the_engines_stand_side_by_side_at_their_level(ax):
     figures.draw_boxes(ax, {"pybullet": summaries(6), "rigid": summaries(6)}, LEVELS, "height [mm]")
     spans = np.array([box.get_path().get_extents().intervalx for box in drawn_boxes(ax)]).reshape(2, 6, 2)
-    assert (spans[0, :, 1] < spans[1, :, 0]).all()  # pybullet's left of rigid's
+    assert (spans[0, :, 1] < spans[1, :, 0]).all()  # pybullet on the left of rigid
     assert (spans[1, :-1, 1] < spans[0, 1:, 0]).all()
     assert spans.mean(axis=(0, 2)) == pytest.approx(LEVELS)
     assert [label.get_text() for label in ax.get_xticklabels()] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
@@ -301,10 +301,10 @@ def test_summaries_of_a_wrong_shape_or_order_are_named(ax, summary, message):
 @pytest.mark.parametrize(
     ("levels", "paper", "message"),
     [
-        ([0.0, 0.0], [], "levels: .* repeat"),
+        ([0.0, 0.0], [], "levels: .* contain a level twice"),
         ([], [], "levels: expected numbers or words"),
         ([0.0, "a"], [], "levels: expected numbers or words"),
-        (["a", "b"], [("c", 1.0)], r"paper: level 'c' is none of \['a', 'b'\]"),
+        (["a", "b"], [("c", 1.0)], r"paper: level 'c' is not one of \['a', 'b'\]"),
     ],
 )
 def test_levels_that_make_no_axis_are_named(ax, levels, paper, message):
@@ -343,8 +343,8 @@ def test_values_in_a_map_have_three_digits_of_the_largest(largest):
     [
         (np.ones((6, 5)), None, r"values: expected shape \(\.\.\., 6, 6\), got \(6, 5\)"),
         (np.ones((2, 6, 6)), None, r"values: expected shape \(6, 6\), got \(2, 6, 6\)"),
-        (np.ones((6, 6)), (0.5, 0.2), r"mark: x = 0.5 is none of the levels"),
-        (np.ones((6, 6)), (0.4, 0.3), r"mark: y = 0.3 is none of the levels"),
+        (np.ones((6, 6)), (0.5, 0.2), r"mark: x = 0.5 is not one of the levels"),
+        (np.ones((6, 6)), (0.4, 0.3), r"mark: y = 0.3 is not one of the levels"),
     ],
 )
 def test_a_map_of_a_wrong_shape_or_mark_is_named(ax, values, mark, message):
@@ -481,7 +481,7 @@ def test_a_gait_diagram_shows_each_foot_on_the_ground_for_its_share_of_time(athe
 
 
 def test_joints_may_have_any_names(athena):
-    """Names that are no Greek letters are printed as they are."""
+    """Names that are not Greek letters are printed as they are."""
     names = dict(zip(athena.table.joints, ("coxa", "hip_pitch", "phi_3"), strict=True))
     rows = tuple(dataclasses.replace(row, theta=names.get(row.theta, row.theta)) for row in athena.table.rows)
     table = dataclasses.replace(athena.table, rows=rows, joints=tuple(names.values()))

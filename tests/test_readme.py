@@ -87,13 +87,13 @@ def test_the_readmes_example_runs(tmp_path, monkeypatch, capsys):
 
 def test_the_example_of_an_animation_leaves_its_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    example = README.split("## Pictures that move")[1].split("```python\n")[1].split("```")[0]
+    example = README.split("## Animations")[1].split("```python\n")[1].split("```")[0]
     exec(compile(example.replace("duration=5.0", "duration=0.5"), "README.md", "exec"), {})
     assert (tmp_path / "walk.html").stat().st_size > 5e5 and (tmp_path / "walk.gif").stat().st_size > 1e4
 
 
 def test_the_example_of_a_check_prints_what_it_says(capsys):
-    example = README.split("## Before it walks")[1].split("```python\n")[1].split("```")[0]
+    example = README.split("## Feasibility checks")[1].split("```python\n")[1].split("```")[0]
     exec(compile(example, "README.md", "exec"), {})
     said = capsys.readouterr().out
     assert "not feasible: friction" in said and "a friction of 0.684" in said and "unloading" in said
@@ -158,7 +158,7 @@ def test_what_the_readme_says_of_the_grid_and_of_foresight_is_in_the_results():
     walks = load_results("ramp_limits")[0]
     walks = walks[walks.engine == "rigid"]
     skill = near_limits.foresight(walks, near_limits.failures(walks))
-    assert f"Of {len(walks)} walks" in said and f"foretold {100 * skill.right['feasible']:.0f} % rightly" in said
+    assert f"Of {len(walks)} walks" in said and f"predicted {100 * skill.right['feasible']:.0f} % correctly" in said
     assert f"missed {100 * skill.missed['margin_polygon']:.0f} % of the failures" in said
 
 

@@ -1,4 +1,4 @@
-"""Sliders: what they are set to is what is computed, drawn and said."""
+"""Sliders: postures, pictures and messages agree with the values of the sliders."""
 
 import io
 import subprocess
@@ -25,7 +25,7 @@ def pixels(shown):
 
 
 def fault_pixels(shown):
-    """Pixels of the colour of faults, or close to it."""
+    """Number of pixels that have the colour of faults, or nearly."""
     return int((np.abs(pixels(shown) - [0xB2, 0x00, 0x2D]).max(axis=-1) < 30).sum())
 
 
@@ -65,7 +65,7 @@ def test_a_leg_out_of_reach_is_named_drawn_in_red_and_keeps_its_pose(athena, bod
 
 def test_a_torso_in_the_floor_is_named(body):
     body.sliders["z"].value = -80.0
-    assert "torso: 4.0 mm below the floor" in body.text  # 104 mm of standing height less 80 and half of 56
+    assert "torso: 4.0 mm below the floor" in body.text  # 104 mm of standing height - 80 mm - 56 mm / 2
 
 
 def test_angles_beyond_the_limits_are_named_and_drawn_in_red(athena):
@@ -80,7 +80,7 @@ def test_angles_beyond_the_limits_are_named_and_drawn_in_red(athena):
 
 
 @pytest.mark.parametrize("leg", [0, 7, 1.5])
-def test_a_leg_that_the_robot_has_not_is_refused(athena, leg):
+def test_a_leg_that_the_robot_does_not_have_is_refused(athena, leg):
     with pytest.raises(InvalidInputError, match="leg"):
         sliders.leg_angles(athena, leg)
 

@@ -1,4 +1,4 @@
-"""Robots that move, in a page of a browser, a GIF or an MP4 file."""
+"""Animations of walks: as a page for a browser or a notebook, as a GIF or as an MP4 file."""
 
 from hexakin.animation.animation import Animation, animate
 

@@ -1,11 +1,11 @@
-"""Pictures that move: a recording, a plan or a `Motion` as a page, in a notebook, as a GIF or as an MP4 file.
+"""Animate a recording, a plan or a `Motion`: as an HTML page, in a notebook, as a GIF or as an MP4 file.
 
 ::
 
     walk = hk.simulate(robot, terrain, controller)
     hk.animation.animate(robot, walk, terrain).save("walk.html")
 
-The page is one file that opens offline; it needs the package meshcat, a GIF does not.
+The page is one file that opens without a network. To make it, the package meshcat is needed; a GIF does not need it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from hexakin.terrain.leg_curves import LegCurves
 
 __all__ = ["Animation", "animate"]
 
-_HEIGHT = 480  # [px] of an animation in a notebook
+_HEIGHT = 480  # [px], height of an animation in a notebook
 
 
 def animate(
@@ -43,33 +43,34 @@ def animate(
 ) -> Animation:
     """Animate a walk.
 
-    Raises InvalidInputError for a motion of another robot, of fewer than two instants, whose time does not ascend, or
-    with a leg that has no angles throughout, and for arguments out of their range; UnknownNameError for an unknown
-    terrain or name in ``show``.
+    Raises InvalidInputError if the motion is one of another robot, has fewer than two instants, a time that does not
+    ascend or a leg without angles at all instants, or if an argument is out of its range; UnknownNameError for an
+    unknown terrain or an unknown name in ``show``.
 
     Parameters
     ----------
     robot
         The robot that moves.
     motion
-        What it did, plans or is told: a recording, a plan or a `hexakin.feasibility.Motion`, of at least two instants.
+        A recording, a plan or a `hexakin.feasibility.Motion`, with at least two instants.
     terrain
-        The ground, of which the surroundings of the walk are shown. None, or paper B's curves, which have no surface,
-        leave it out; the ground that a plan says is below each foot is then a line.
+        The ground, which is shown around the walk. With None, or with paper B's curves, which have no surface, no
+        ground is shown; if a plan contains the ground's height below the feet, lines show it.
     speed
-        How much faster than it is the walk is shown; 0.5 is half as fast. The page has a control for it.
+        The walk's speed in the animation, as a multiple of the real speed: 0.5 is half as fast. The page has a control
+        for it.
     follow
-        Whether the camera goes along. In the page it can be turned, moved and zoomed with the mouse in either case.
+        Whether the camera follows the robot. In the page, the mouse can turn, move and zoom the view in both cases.
     show
-        Any of ``"forces"`` (normal forces as arrows along the ground's normal) and ``"zmp"`` (A(32)), which only a
-        recording knows; ``"polygon"``, the support polygon of the feet that the ground carries; ``"traces"``, the paths
-        of the feet so far.
+        Any of ``"forces"`` (normal forces, as arrows along the ground's normal) and ``"zmp"`` (zero-moment point,
+        A(32)), which only recordings contain; ``"polygon"``, the support polygon of the feet that carry load;
+        ``"traces"``, the paths of the feet up to the instant shown.
 
     Returns
     -------
     Animation
-        Legs are coloured as in the figures. A leg without angles, because its foot is out of reach, stays in its last
-        pose, a red ball marks where the foot should be, and the page's heading says when.
+        Legs have the same colours as in the figures. A leg without angles, whose foot is out of reach, keeps its last
+        pose; a red ball shows where the foot should be, and the heading of the page names the instants.
     """
     factor = check_number("speed", speed, above=0.0)
     if not isinstance(follow, bool):
@@ -79,7 +80,11 @@ def animate(
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """What `animate` returns: save it, or let a notebook show it."""
+    """An animation, as `animate` returns it: a notebook shows it, and `save` writes it to a file.
+
+    ``scene`` contains all that is shown; ``speed`` is the walk's speed in the animation, as a multiple of the real
+    speed; ``follow`` is whether the camera follows the robot.
+    """
 
     scene: Scene
     speed: float
@@ -89,19 +94,21 @@ class Animation:
         return f"<Animation of {self.scene.title}, {self.scene.time[-1] - self.scene.time[0]:.3g} s>"
 
     def html(self) -> str:
-        """Return the page: one HTML document without any other file; raises MissingPackageError without meshcat."""
+        """Return the page: one HTML document that needs no other file. Raises MissingPackageError without meshcat."""
         return page_of(self.scene, self.speed, self.follow)
 
     def save(
         self, path: str | os.PathLike[str], *, frame_rate: float = 10.0, size: tuple[int, int] = (640, 480)
     ) -> Path:
-        """Write ``.html``, ``.gif`` or ``.mp4``, as ``path`` ends, and return where; it appears whole or not at all.
+        """Write the animation to a file and return its path; the ending of ``path`` is .html, .gif or .mp4.
 
-        ``frame_rate`` [1/s] and ``size`` (width, height) [px], even numbers, are those of a GIF or MP4 file: its
-        frames show the instants k * speed / frame_rate after the start, up to the end.
+        ``frame_rate`` [1/s] and ``size`` (width, height) [px], two even numbers, are for GIF and MP4 files, whose
+        frames show the instants k * speed / frame_rate after the start, up to the end. If writing fails, no file is
+        left, and a file that was there before stays as it was.
 
-        Raises MissingPackageError: a page needs meshcat, an MP4 file the encoder ffmpeg; UnknownNameError for another
-        ending; InvalidInputError for a folder that does not exist or numbers out of their range.
+        Raises MissingPackageError (a page needs meshcat, an MP4 file the encoder ffmpeg), UnknownNameError for another
+        ending, and InvalidInputError if the folder does not exist or a number is out of its range. SimulationError is
+        raised if ffmpeg fails.
         """
         target = Path(path)
         ending = target.suffix.lower()
@@ -130,6 +137,6 @@ class Animation:
         return target
 
     def _repr_html_(self) -> str:
-        """Show the page in a notebook, in a frame of its own."""
+        """Return the page in a frame, for a notebook."""
         style = f"width: 100%; height: {_HEIGHT}px; border: 1px solid #ccc"
         return f'<iframe srcdoc="{html.escape(self.html())}" style="{style}" title="animation"></iframe>'

@@ -1,7 +1,7 @@
-"""A scene as the frames of a GIF or MP4 file: PyBullet's software renderer, with forces and traces drawn over it.
+"""Frames of a GIF or MP4 file: PyBullet's software renderer draws the scene, and forces and traces are added.
 
-The renderer needs no display. Polygon, ZMP and traces lie on the ground: they are drawn where it sees the ground, and
-so are hidden by the robot.
+The renderer needs no display. Polygon, ZMP and traces lie on the ground: they are drawn only at the pixels that show
+ground, so that the robot hides them.
 """
 
 from __future__ import annotations
@@ -26,14 +26,17 @@ from hexakin.engines.pybullet_engine import pybullet
 from hexakin.exceptions import MissingPackageError, SimulationError
 from hexakin.figures.style import GREEN, LEG_COLOURS, ORANGE, RED
 
-_FINER = 1.5  # pixels rendered to one pixel shown, along each edge: smooth edges; 2 take twice as long
-_LINE = 3  # [px] rendered: width of traces and arrows
+_FINER = 1.5  # rendered pixels per pixel shown, along each side, for smooth edges; 2 takes twice as long
+_LINE = 3  # [rendered px], width of traces and arrows
 _LIGHT = {"lightAmbientCoeff": 0.55, "lightDiffuseCoeff": 0.5, "lightSpecularCoeff": 0.02, "lightDistance": 5.0}
 _BACKGROUND = (226, 234, 241)
 
 
 def instants(scene: Scene, speed: float, frame_rate: float) -> list[int]:
-    """Index of the keyframe that each frame shows: the nearest to its instant."""
+    """Return for each frame the index of its keyframe: the keyframe that is nearest to its instant.
+
+    ``speed`` is the walk's speed as a multiple of the real speed; ``frame_rate`` [1/s].
+    """
     span = scene.time[-1] - scene.time[0]
     shown = scene.time[0] + np.arange(int(np.floor(span * frame_rate / speed + 1e-9)) + 1) * speed / frame_rate
     after = np.clip(np.searchsorted(scene.time, shown), 1, len(scene.time) - 1)
@@ -42,7 +45,10 @@ def instants(scene: Scene, speed: float, frame_rate: float) -> list[int]:
 
 
 def write_gif(path: Path, scene: Scene, speed: float, frame_rate: float, size: tuple[int, int]) -> None:
-    """Write a GIF that repeats for ever; all its frames share the colours of the middle one."""
+    """Write a GIF that repeats without end; all its frames have the 256 colours of the middle frame.
+
+    ``frame_rate`` [1/s]; ``size`` (width, height) [px].
+    """
     chosen = instants(scene, speed, frame_rate)
     (middle,) = _images(scene, [chosen[len(chosen) // 2]], size)
     palette = middle.quantize(256, kmeans=3)
@@ -51,15 +57,19 @@ def write_gif(path: Path, scene: Scene, speed: float, frame_rate: float, size: t
 
 
 def write_mp4(path: Path, scene: Scene, speed: float, frame_rate: float, size: tuple[int, int]) -> None:
-    """Write an MP4 file with ffmpeg; MissingPackageError without it, SimulationError if it fails."""
+    """Write an MP4 file with ffmpeg.
+
+    ``frame_rate`` [1/s]; ``size`` (width, height) [px], even numbers. Raises MissingPackageError without ffmpeg and
+    SimulationError if it fails.
+    """
     command = [_encoder(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{size[0]}x{size[1]}", "-r", f"{frame_rate:g}", "-i", "-", "-an", "-pix_fmt", "yuv420p"]
     command += ["-movflags", "+faststart", str(path)]
     with tempfile.TemporaryFile() as messages:
         encoder = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages)
-        assert encoder.stdin is not None  # it was asked for
+        assert encoder.stdin is not None  # because of stdin=PIPE
         try:
-            with contextlib.suppress(BrokenPipeError):  # it has given up; its message says why
+            with contextlib.suppress(BrokenPipeError):  # ffmpeg has ended; its message gives the reason
                 for image in _images(scene, instants(scene, speed, frame_rate), size):
                     encoder.stdin.write(image.tobytes())
             with contextlib.suppress(BrokenPipeError):
@@ -74,7 +84,7 @@ def write_mp4(path: Path, scene: Scene, speed: float, frame_rate: float, size: t
 
 
 def _encoder() -> str:
-    """Return the program ffmpeg: the one on the PATH, or that of the package imageio-ffmpeg."""
+    """Return the path of ffmpeg: from the PATH, otherwise from the package imageio-ffmpeg."""
     if found := shutil.which("ffmpeg"):
         return found
     try:
@@ -95,7 +105,7 @@ def _images(scene: Scene, chosen: list[int], size: tuple[int, int]) -> Iterator[
 
 
 class _Stage:
-    """A PyBullet world without physics: the ground, then the robot's parts."""
+    """A PyBullet world without physics. Its first bodies are the ground, and the robot's parts follow."""
 
     def __init__(self, scene: Scene, size: tuple[int, int]):
         self._scene, self._size = scene, size
@@ -164,7 +174,7 @@ class _Stage:
         return picture
 
     def _pixels(self, points: Array, camera: Array) -> list[tuple[float, float]]:
-        """Places (k, 2) [px] of points (k, 3) [m]."""
+        """Return the places (k, 2) [px] of points (k, 3) [m]."""
         p = np.column_stack([points, np.ones(len(points))]) @ camera.T
         place = (p[:, :2] / p[:, 3:] * [0.5, -0.5] + 0.5) * self._size
         return [(float(x), float(y)) for x, y in place]
@@ -208,7 +218,7 @@ def _rgba(colour: str, opacity: float) -> tuple[int, ...]:
 
 
 def _normals(vertices: Array, triangles: NDArray[np.int_]) -> Array:
-    """Unit normal (v, 3) at each vertex: that of its triangle, of which all have vertices of their own."""
+    """Return the unit normal (v, 3) at each vertex: the normal of its face, since faces do not share vertices."""
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)

@@ -1,4 +1,4 @@
-"""The ground around a walk as coloured triangles: finite patches of planes, blocks and elevation data."""
+"""The ground around a walk as coloured triangles: parts of planes, blocks and elevation data."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from hexakin.figures.solids_3d import BlockFaces
 from hexakin.terrain.base import Terrain, TriangleMesh
 from hexakin.terrain.columns import block_columns
 
-TILE = 0.1  # [m] edge of a tile of plane ground, from which lengths can be read
+TILE = 0.1  # [m], edge of a tile of plane ground; the tiles show lengths
 
 _LIGHT, _SHADE = np.array([0.93, 0.91, 0.85]), np.array([0.85, 0.82, 0.74])  # as in the figures
 _LOW, _HIGH = np.array([0.63, 0.57, 0.46]), np.array([0.98, 0.96, 0.90])
-_BANDS = 12  # colours between the lowest and the highest
+_BANDS = 12  # number of colours between the lowest and the highest ground
 _MOST_TILES = 10_000
 
 
 class Surface(NamedTuple):
     """Triangles of one colour: ``vertices`` (v, 3) [m], ``triangles`` (t, 3) indices, ``colour`` ``#rrggbb``.
 
-    The indices are counter-clockwise seen from outside; no two faces share a vertex, so that edges stay sharp.
-    ``tile`` [m] is the edge of the tiles that it is made of, 0 if it is made of none.
+    The vertices of a triangle are counter-clockwise seen from outside. Faces do not share vertices, so that edges are
+    drawn sharp. ``tile`` [m] is the edge of a tile, 0 if the surface is not made of tiles.
     """
 
     vertices: Array
@@ -35,10 +35,11 @@ class Surface(NamedTuple):
 
 
 def ground_surfaces(terrain: Terrain, p_foot: Array) -> tuple[Surface, ...]:
-    """Ground below and around the feet ``p_foot`` (..., 3) [m]: as far around them as a robot's half length, or so.
+    """Return the ground below the feet ``p_foot`` (n, L, 3) [m] and around them, up to 0.6 of the spread of the feet.
 
-    Blocks and triangle meshes are drawn as they are, the higher the lighter; all other ground as tiles whose edges
-    lie along its ``heading``, if it has one, so that a ramp's lower edge lies between two of them.
+    Blocks and triangle meshes are shown as they are, in lighter colours where they are higher. Other ground is shown as
+    tiles. Their edges are parallel to the terrain's ``heading``, if it has one, so that the lower edge of a ramp lies
+    between two tiles.
     """
     points = p_foot.reshape(-1, 3)[:, :2]
     spread = np.ptp(p_foot.reshape(-1, *p_foot.shape[-2:])[0, :, :2], axis=0).max()
@@ -46,7 +47,7 @@ def ground_surfaces(terrain: Terrain, p_foot: Array) -> tuple[Surface, ...]:
     columns = block_columns(terrain, low, high)
     if columns is not None:
         faces = BlockFaces(*columns).faces.copy()  # (b, 5, 4, 3)
-        faces[:, [1, 4]] = faces[:, [1, 4], ::-1]  # those towards -x and +y, so that all are counter-clockwise
+        faces[:, [1, 4]] = faces[:, [1, 4], ::-1]  # reverse the faces towards -x and +y: now all are counter-clockwise
         return _banded(faces, columns[1][:, 2])
     meshes = [shape for shape in terrain.shapes() if isinstance(shape, TriangleMesh)]
     if meshes:
@@ -55,14 +56,14 @@ def ground_surfaces(terrain: Terrain, p_foot: Array) -> tuple[Surface, ...]:
 
 
 def _quads(corners: Array, colour: Array, tile: float = 0.0) -> Surface:
-    """Quadrilaterals (m, 4, 3) as two triangles each."""
+    """Return quadrilaterals (m, 4, 3) [m] as a surface with two triangles for each."""
     first = 4 * np.arange(len(corners))[:, None]
     triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
     return Surface(corners.reshape(-1, 3), triangles, to_hex(tuple(colour)), tile)
 
 
 def _band(height: Array) -> tuple[NDArray[np.int_], Array]:
-    """Band of each height and the colours (_BANDS, 3)."""
+    """Return the index of the colour band of each height, and the colours (_BANDS, 3) of the bands."""
     span = max(float(np.ptp(height)), 1e-12)
     band = np.minimum((_BANDS * (height - height.min()) / span).astype(int), _BANDS - 1)
     return band, _LOW + np.linspace(0.0, 1.0, _BANDS)[:, None] * (_HIGH - _LOW)
@@ -74,7 +75,7 @@ def _banded(faces: Array, height: Array) -> tuple[Surface, ...]:
 
 
 def _cropped(mesh: TriangleMesh, low: Array, high: Array) -> tuple[Surface, ...]:
-    """Triangles of a mesh that reach into the window, in bands of height."""
+    """Return the triangles of a mesh that reach into the window from low to high (x, y) [m], by bands of height."""
     corners = mesh.vertices[mesh.triangles]  # (t, 3, 3)
     inside = ((corners[..., :2].max(axis=1) >= low) & (corners[..., :2].min(axis=1) <= high)).all(axis=-1)
     corners = corners[inside]
@@ -92,7 +93,7 @@ def _cropped(mesh: TriangleMesh, low: Array, high: Array) -> tuple[Surface, ...]
 
 
 def _tiles(terrain: Terrain, points: Array, margin: float) -> tuple[Surface, ...]:
-    """Tiles in two colours under the points (k, 2) [m] and ``margin`` [m] around them."""
+    """Return tiles in two colours below the points (k, 2) [m] and up to ``margin`` [m] around them."""
     heading, start = float(getattr(terrain, "heading", 0.0)), getattr(terrain, "start", None) or 0.0
     along = np.array([np.cos(heading), np.sin(heading)])
     axes = np.stack([along, [-along[1], along[0]]])

@@ -1,8 +1,8 @@
-"""A scene as one HTML file: meshcat's viewer, a list of its commands, and a bar to play, pause and seek.
+"""A scene as one HTML file: meshcat's viewer, its commands, and controls to play, pause and move in time.
 
-The viewer is a JavaScript bundle in the meshcat package. It is found and put into the page without importing the
-package, which would load IPython and ZeroMQ, and whose ``Visualizer`` starts a server; a page that stands alone needs
-none. Commands are those of meshcat's protocol (https://github.com/meshcat-dev/meshcat), as JSON.
+The viewer is a JavaScript file in the meshcat package. It is read without an import of the package, because an import
+would load IPython and ZeroMQ, and ``Visualizer`` would start a server, which the page does not need. The commands are
+those of meshcat's protocol (https://github.com/meshcat-dev/meshcat), as JSON.
 """
 
 from __future__ import annotations
@@ -27,13 +27,17 @@ from hexakin.robot.model import SEGMENT_NAMES
 from hexakin.transforms import rotation_between
 
 _TEMPLATE = Path(__file__).with_name("page.html")
-_DIGITS = 5  # after the point, of metres and quaternions
-_DISCRETE = 2300  # three.js: a track that keeps its value until the next
-_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # three.js's y axis upwards
+_DIGITS = 5  # decimals of lengths [m] and quaternions in the page
+_DISCRETE = 2300  # in three.js: the value of a track stays until the next keyframe
+_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # y axis of three.js upwards
 
 
 def page_of(scene: Scene, speed: float, follow: bool) -> str:
-    """Return the page; raises MissingPackageError without meshcat."""
+    """Return the page of a scene, as HTML.
+
+    ``speed`` is a multiple of the real speed; with ``follow`` the camera follows the robot. Raises MissingPackageError
+    without meshcat.
+    """
     content = {
         "time": _plain(scene.time - scene.time[0]),
         "start": float(scene.time[0]),
@@ -62,7 +66,7 @@ def page_of(scene: Scene, speed: float, follow: bool) -> str:
 
 
 def _viewer() -> str:
-    """Source of meshcat's viewer."""
+    """Return the source code of meshcat's viewer."""
     found = importlib.util.find_spec("meshcat")
     folders = [] if found is None else found.submodule_search_locations or []
     for folder in folders:
@@ -73,7 +77,7 @@ def _viewer() -> str:
 
 
 def _plain(values: ArrayLike) -> list:
-    """Rounded numbers for JSON; -0 becomes 0."""
+    """Return rounded numbers for JSON; -0 becomes 0."""
     return (np.round(np.asarray(values, dtype=float), _DIGITS) + 0.0).tolist()
 
 
@@ -88,9 +92,9 @@ def _colour(name: str) -> int:
 def _object(
     path: str, geometry: dict[str, Any], colour: str, kind: str = "Mesh", order: int = 0, **material: Any
 ) -> dict[str, Any]:
-    """Command that puts an object into the viewer's tree; those of a higher ``order`` are drawn later.
+    """Return the command that adds an object to the viewer's tree; objects of higher ``order`` are drawn later.
 
-    The viewer draws what is ``transparent`` after all that is not, even where its opacity is 1.
+    The viewer draws objects that are marked ``transparent`` after all others, even if their opacity is 1.
     """
     look = {"type": "MeshPhongMaterial", "color": _colour(colour), "shininess": 12, "side": 2} | material
     return {
@@ -106,7 +110,7 @@ def _object(
                 "renderOrder": order,
                 "geometry": f"{path}#geometry",
                 "material": f"{path}#material",
-                # three.js's cylinders stand along y.
+                # In three.js the axis of a cylinder is y.
                 "matrix": _UP if "Cylinder" in geometry["type"] else np.eye(4).ravel().tolist(),
             },
         },
@@ -127,7 +131,7 @@ def _sphere(radius: float) -> dict[str, Any]:
 
 
 def _animation(path: str, **tracks: tuple[str, ArrayLike]) -> dict[str, Any]:
-    """Tracks of one node: property = (kind, values); their times are the page's ``time``."""
+    """Return the tracks of one node, given as property = (kind, values); their times are the page's ``time``."""
     made = []
     for name, (kind, values) in tracks.items():
         numbers = np.asarray(values)
@@ -140,7 +144,7 @@ def _animation(path: str, **tracks: tuple[str, ArrayLike]) -> dict[str, Any]:
 
 
 def _posed(path: str, position: ArrayLike, rotation: Array, **more: tuple[str, ArrayLike]) -> dict[str, Any]:
-    """Animation of poses: ``position`` (n, 3) [m], ``rotation`` (n, 3, 3)."""
+    """Return the animation of poses: ``position`` (n, 3) [m], ``rotation`` (n, 3, 3)."""
     quat_xyzw = Rotation.from_matrix(rotation).as_quat()
     return _animation(path, position=("vector3", position), quaternion=("quaternion", quat_xyzw), **more)
 
@@ -181,9 +185,9 @@ def _ground(scene: Scene) -> Iterable[dict[str, Any]]:
 def _overlays(scene: Scene) -> Iterable[dict[str, Any]]:
     size = 0.16 * standing_height(scene.robot)
     flat: dict[str, Any] = {"type": "MeshBasicMaterial"}
-    # Painted on the ground, however rough: the robot, drawn later, hides it.
+    # Drawn over the ground even if it is rough, and before the robot, which hides it.
     painted: dict[str, Any] = {"transparent": True, "depthTest": False, "depthWrite": False, "order": 1}
-    over = flat | painted | {"opacity": 0.85, "order": 4}  # legs stand where the arrows are
+    over = flat | painted | {"opacity": 0.85, "order": 4}  # drawn over the legs, which are at the same place
     for leg in range(scene.robot.num_legs):
         name, colour = f"leg {leg + 1}", LEG_COLOURS[leg % len(LEG_COLOURS)]
         if scene.force is not None:
@@ -212,7 +216,7 @@ def _shown(scene: Scene) -> list[Array]:
 
 
 def _ribbon(path: Array, half: float) -> dict[str, Any]:
-    """Two crossed ribbons along a path (n, 3) [m], twelve indices to a step, so that a part of it can be drawn."""
+    """Return two crossed ribbons along a path (n, 3) [m]; each step has twelve indices, so that a part can be drawn."""
     way = path[-1] - path[0]
     across = np.array([-way[1], way[0], 0.0]) / max(float(np.hypot(way[0], way[1])), 1e-9)
     offsets = half * np.array([across, -across, [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])

@@ -1,4 +1,4 @@
-"""What an animation shows, before anything draws it: parts, poses, ground, forces, polygons, ZMP and traces."""
+"""The content of an animation, independent of how it is drawn: parts, poses, ground, forces, polygons, ZMP, traces."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, pose, transform_points
 
 SHOWN = ("forces", "polygon", "zmp", "traces")
-FIELD_OF_VIEW = 40.0  # [deg] vertical, of the camera
-ARROW, EDGE = "#b2002d", "#8a5a00"  # of forces and of the polygon's edge: none of the legs' colours
+FIELD_OF_VIEW = 40.0  # [deg], vertical angle of the camera
+ARROW, EDGE = "#b2002d", "#8a5a00"  # forces and the polygon's edge; differ from the colours of the legs
 
-_RATE = 30.0  # [1/s] keyframes of the motion; those of a recording come at its control rate, 20 1/s by default
-_LIFT = 0.003  # [m] polygon and ZMP lie this far above the contacts, so that the ground does not swallow them
+_RATE = 30.0  # [1/s], largest rate of keyframes; a recording has its control rate, 20 1/s by default
+_LIFT = 0.003  # [m], height of polygon and ZMP above the contacts, so that the ground does not hide them
 _TORSO, _DARK = "#8c8c8c", "#404040"
 
 
 class Part(NamedTuple):
     """A box with edges ``size`` (3,) [m], or a sphere of diameter ``size[0]``, fixed in the frame of ``node``.
 
-    ``node`` is ``(leg, segment)``, indices from 0, or None for the torso; ``T_node_part`` (4, 4) its pose there.
+    ``node`` is ``(leg, segment)``, indices from 0, or None for the torso; ``T_node_part`` (4, 4) is the part's pose in
+    this frame.
     """
 
     name: str
@@ -49,17 +50,50 @@ class Part(NamedTuple):
     colour: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """Everything that moves, at n instants, and what it moves over; all in the world unless said otherwise.
+    """Everything that an animation shows, at n instants; positions are in the world frame.
 
-    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``T_body_segment`` (n, L, 3, 4, 4); ``p_foot`` (n, L, 3) [m], the
-    feet's centres as drawn; ``held`` (n, L), legs without angles, drawn in their last pose, and ``p_target`` (n, L, 3)
-    [m], where their feet should be; ``p_contact`` and ``normal`` (n, L, 3); ``force`` (n, L) [N], None if it is not
-    known; ``polygon``, n support polygons (m, 3) [m] or None for none, or None if they are not shown; ``zmp`` (n, 3)
-    [m], NaN where undefined, or None; ``traces``, whether the feet's paths are shown; ``ground_path`` (n, L, 3) [m]
-    below each foot where the ground has no surface, else None; ``center`` (n, 3) [m], what the camera looks at, and
-    ``eye`` (3,) [m], where it is from there; ``newtons_per_metre`` of the arrows.
+    Parameters
+    ----------
+    robot
+        The robot.
+    title
+        Title of the animation.
+    parts
+        Boxes and spheres of the robot.
+    surfaces
+        The ground, as coloured triangles.
+    time
+        Time of the instants, (n,) [s].
+    T_world_body
+        Pose of the body, (n, 4, 4).
+    T_body_segment
+        Poses of the segments in the body frame, (n, L, 3, 4, 4).
+    p_foot
+        Centres of the feet as they are drawn, (n, L, 3) [m].
+    held
+        Legs without angles, which are drawn in their last pose, (n, L) bool.
+    p_target
+        Places where the centres of the feet should be, (n, L, 3) [m].
+    p_contact, normal
+        Contact points, (n, L, 3) [m], and unit normals of the ground there, (n, L, 3).
+    force
+        Normal forces, (n, L) [N]; None if they are not known or not shown.
+    polygon
+        Support polygons of the n instants, (m, 3) [m] each, None where there is none; None if they are not shown.
+    zmp
+        Zero-moment point, (n, 3) [m], NaN where it is undefined; None if it is not shown.
+    traces
+        Whether the paths of the feet are shown.
+    ground_path
+        Ground below each foot, (n, L, 3) [m], if the ground has no surface; otherwise None.
+    center
+        Point that the camera looks at, (n, 3) [m].
+    eye
+        Place of the camera, relative to this point, (3,) [m].
+    newtons_per_metre
+        Scale of the arrows [N/m].
     """
 
     robot: Robot
@@ -85,7 +119,7 @@ class Scene:
 
     @property
     def notes(self) -> list[str]:
-        """What a viewer should know: the scale of ground and forces, and when a leg is held."""
+        """Notes for the viewer: the scales of ground and forces, and the instants at which a leg is out of reach."""
         notes = [f"tiles: {1e3 * tile:g} mm" for tile in sorted({s.tile for s in self.surfaces} - {0.0})]
         if self.force is not None:
             notes.append(f"arrows: {0.1 * self.newtons_per_metre:.3g} N per 100 mm")
@@ -105,7 +139,7 @@ def make_scene(
     show: Sequence[str],
     follow: bool,
 ) -> Scene:
-    """Work out what `hexakin.animation.animate` shows; its arguments and errors."""
+    """Return the scene that `hexakin.animation.animate` shows; arguments and errors are those of `animate`."""
     check_robot(robot)
     wanted = _check_show(show)
     ground = _check_terrain(terrain)
@@ -145,13 +179,13 @@ def make_scene(
         ground_path=below,
         center=center,
         eye=eye,
-        # A third of the weight, a leg's share in a tripod, is as long as the body is high.
+        # The arrow of a third of the weight, a leg's share in a tripod, is as long as the standing height.
         newtons_per_metre=robot.weight / 3.0 / standing_height(robot),
     )
 
 
 def _short(text: str) -> str:
-    """Return a text with its long numbers rounded."""
+    """Return a text in which numbers with many digits are rounded."""
     return re.sub(r"\d+\.\d{5,}(e-?\d+)?", lambda number: f"{float(number[0]):.4g}", text)
 
 
@@ -165,7 +199,7 @@ def _check_show(show: Sequence[str]) -> tuple[str, ...]:
 
 
 def _check_terrain(terrain: Any) -> Terrain | None:
-    """Return the terrain if it has a surface; None where there is none to draw."""
+    """Return the terrain if it has a surface, otherwise None."""
     if terrain is None or isinstance(terrain, LegCurves):
         return None
     if isinstance(terrain, type) or not isinstance(terrain, Terrain):
@@ -176,7 +210,7 @@ def _check_terrain(terrain: Any) -> Terrain | None:
 
 
 def _keyframes(time: Array) -> NDArray[np.int_]:
-    """Indices of the instants that are shown: all, or evenly spaced ones, first and last included."""
+    """Return the indices of the instants shown: all, or evenly spaced ones with the first and the last."""
     if time.ndim != 1 or len(time) < 2:
         raise InvalidInputError(f"motion: time has shape {time.shape}, expected at least two instants (n,)")
     if (steps := np.diff(time)).min() <= 0.0:
@@ -187,19 +221,19 @@ def _keyframes(time: Array) -> NDArray[np.int_]:
 
 
 def _held(q: Array, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Angles without gaps, and where they were missing: a leg keeps its last pose, at the start takes its first."""
+    """Return angles without gaps and flags (n, L) of the gaps; in a gap a leg has its last pose, or else its first."""
     known = np.asarray(np.isfinite(q).all(axis=-1))
     if not known.any(axis=0).all():
         leg = int(np.argmin(known.any(axis=0)))
         span = f"between {time[0]:g} s and {time[-1]:g} s"
-        raise InvalidInputError(f"motion: leg {leg + 1} has no joint angles at any instant {span}: nothing to draw")
+        raise InvalidInputError(f"motion: leg {leg + 1} has no joint angles at any instant {span} and cannot be drawn")
     last = np.maximum.accumulate(np.where(known, np.arange(len(q))[:, None], -1), axis=0)
     last = np.where(last < 0, known.argmax(axis=0), last)
     return np.take_along_axis(q, last[..., None], axis=0), ~known
 
 
 def _parts(robot: Robot) -> list[Part]:
-    """Torso with a mark at its front, and per leg three slim boxes, a joint before each, and a foot that has a size."""
+    """Return the torso with a mark at its front, and for each leg three slim boxes, three joints and the foot."""
     torso = robot.torso
     across = float(np.abs(robot.right) @ torso.size)
     along = float(np.abs(robot.forward) @ torso.size)
@@ -216,11 +250,11 @@ def _parts(robot: Robot) -> list[Part]:
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
         for k, name in enumerate(SEGMENT_NAMES):
             body = robot.segments[name]
-            slim = body.size * [1.0, 0.5, 0.5]  # as in the figures: so that the joints can be seen
+            slim = body.size * [1.0, 0.5, 0.5]  # as in the figures, so that the joints are visible
             parts.append(Part("box", (leg, k), "box", slim, pose(np.eye(3), body.center_of_mass), colour))
             parts.append(Part("joint", (leg, k), "sphere", np.full(3, 1.2 * slim[1:].max()), np.eye(4), _DARK))
         p_tibia_foot = transform_points(inverse_pose(frames[leg, 2]), feet[leg, None])[0]
-        if robot.foot_radius > 0.0:  # else the foot is a point
+        if robot.foot_radius > 0.0:  # otherwise the foot is a point
             ball = np.full(3, 2.0 * robot.foot_radius)
             parts.append(Part("foot", (leg, 2), "sphere", ball, pose(np.eye(3), p_tibia_foot), _DARK))
     return parts
@@ -230,7 +264,7 @@ def _polygons(p_contact: Array, carrying: NDArray[np.bool_]) -> tuple[Array | No
     polygons: list[Array | None] = []
     for points, carry in zip(p_contact, carrying, strict=True):
         hull = support_polygon(points[carry])
-        if hull is not None:  # seen from above: the feet at its corners give the height
+        if hull is not None:  # the polygon is 2D; its corners have the heights of their feet
             corner = [int(np.argmax((points[:, :2] == vertex).all(axis=-1) & carry)) for vertex in hull]
             hull = points[corner] + [0.0, 0.0, _LIFT]
         polygons.append(hull)
@@ -238,13 +272,16 @@ def _polygons(p_contact: Array, carrying: NDArray[np.bool_]) -> tuple[Array | No
 
 
 def _zmp(p_contact: Array, force: Array) -> Array:
-    """ZMP (n, 3) [m], at the height that the same weighted mean gives."""
+    """Return the ZMP (n, 3) [m]; its height is the mean of the contact heights, weighted by the forces."""
     plan, side = (zero_moment_point(p_contact[..., axes], force).xy for axes in ([0, 1], [0, 2]))
     return np.column_stack([plan, side[:, 1] + _LIFT])
 
 
 def _camera(T_world_body: Array, p_foot: Array, follow: bool) -> tuple[Array, Array]:
-    """What the camera looks at (n, 3), and where it is from there (3,): ahead of the walk, to its right, above."""
+    """Return the point (n, 3) that the camera looks at and the camera's place relative to it (3,), both in [m].
+
+    The camera is ahead of the walk, to its right and above it.
+    """
     path = T_world_body[:, :3, 3]
     reach = np.linalg.norm((p_foot - path[:, None])[..., :2], axis=-1).max()
     if follow:

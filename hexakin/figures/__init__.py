@@ -1,6 +1,6 @@
-"""Drawing on given axes, in one style; positions come in metres and are shown in millimetres.
+"""Drawings on axes that the caller gives, in one style.
 
-Nothing is computed here beyond what a drawing needs.
+Positions are given in metres and shown in millimetres. Only what a drawing needs is computed here.
 """
 
 from hexakin.figures.charts import bar_effects, box_groups, draw_boxes, draw_sweep, heat_map

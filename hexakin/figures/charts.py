@@ -1,4 +1,4 @@
-"""Charts on given axes: boxes, maps and bars of numbers that were computed elsewhere."""
+"""Charts on given axes: box plots, maps and bars of numbers that were computed elsewhere."""
 
 from __future__ import annotations
 
@@ -15,13 +15,27 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.figures.style import ENGINE_COLOURS, GREY, LEG_COLOURS
 
 _SUMMARY = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
-_MOST_PRINTED = 8  # columns or rows of a map in a third of a page: more leave no room for numbers
+_MOST_PRINTED = 8  # columns or rows; numbers do not fit into more cells if the map is a third of a page wide
 
 
 def box_groups(
     ax: Axes, groups: Sequence[Sequence[ArrayLike]], labels: Sequence[str], colours: Sequence[str], ylabel: str
 ) -> None:
-    """Box plots in groups side by side: ``groups[g]`` holds samples (n,), one thin box for each."""
+    """Draw groups of box plots side by side.
+
+    Parameters
+    ----------
+    ax
+        Axes to draw on.
+    groups
+        For each group its samples, (n,) each, in the unit that ``ylabel`` names. Each sample gets one thin box.
+    labels
+        Names of the groups, written below them.
+    colours
+        Colours of the groups.
+    ylabel
+        Label of the vertical axis, with the unit.
+    """
     width, position, ticks = 0.7, 0.0, []
     for sample, colour in zip(groups, colours, strict=True):
         values = [np.asarray(repeat) for repeat in sample]
@@ -55,33 +69,35 @@ def draw_boxes(
     paper: Sequence[tuple[float | str, float]] = (),
     colours: Mapping[str, str] = ENGINE_COLOURS,
 ) -> None:
-    """Draw boxes from five-number summaries: for each level one box of each engine, side by side.
+    """Draw box plots from five-number summaries: at each level one box for each engine, side by side.
 
-    A box shows the median over repeats of each of the five numbers, with whiskers from minimum to maximum; dots show
-    the median of each repeat. Boxes, dots and marks are labelled for a legend, which the caller places::
+    Each of the five numbers of a box is its median over the repeats. Whiskers go from minimum to maximum, and dots
+    show the median of each repeat. Boxes, dots and marks have labels for a legend, which the caller places::
 
         draw_boxes(ax, {"pybullet": a, "rigid": b}, [0.0, 0.2, 0.4], "height [mm]", paper=[(0.4, 98.0)])
         figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=4)
 
     Parameters
     ----------
+    ax
+        Axes to draw on.
     summaries
-        For each engine (levels, repeats, 5): minimum, lower quartile, median, upper quartile, maximum, in the unit
-        that ``ylabel`` names.
+        By engine: minimum, lower quartile, median, upper quartile and maximum, (levels, repeats, 5), in the unit that
+        ``ylabel`` names.
     levels
-        Numbers, which are placed to scale, or words, which are placed evenly.
+        Numbers, which are placed to scale, or words, which are placed at equal distances.
     xlabel, ylabel
-        With units.
+        Labels of the axes, with units.
     paper
-        Reported values (level, y), marked by a diamond.
+        Values (level, y) that the paper reports; each is marked by a diamond.
     colours
-        Of the engines, by name; others take the colours of the legs in turn.
+        Colours by engine. Engines that are not in it take the colours of the legs in turn.
 
     Raises
     ------
     InvalidInputError
-        For summaries of the wrong shape or not in ascending order, levels that repeat, or a marked level among words
-        that is none of them.
+        If summaries have another shape or are not in ascending order, if a level occurs twice, or if a level of
+        ``paper`` is not one of the words in ``levels``.
     """
     places = _places(levels)
     boxes = {name: _check_summary(name, summary, len(places)) for name, summary in summaries.items()}
@@ -107,7 +123,7 @@ def draw_boxes(
             zorder=2,
         )
         drawn["boxes"][0].set_label(name)
-        # The fractions of the golden ratio's multiples spread any number of dots evenly, and always alike.
+        # Fractional parts of multiples of the golden ratio: even for any number of dots, the same in every run.
         jitter = (np.arange(summary.shape[1]) * 0.618034) % 1.0 - 0.5
         x = centers[:, None] + 0.6 * slot * jitter
         label = "median of one repeat" if k == len(boxes) - 1 else None
@@ -133,8 +149,26 @@ def draw_sweep(
 ) -> None:
     """Draw paper A's three panels over a gain: torso height [mm], pitch rate and roll rate [rad/s] per gait cycle.
 
-    ``summaries`` has for each of ``"height"`` [m], ``"pitch_rate"`` and ``"roll_rate"`` [rad/s] what ``draw_boxes``
-    draws; ``paper`` has values to mark, likewise. One legend is put below the figure.
+    One legend for all panels is put below the figure. Raises InvalidInputError under the same conditions as
+    ``draw_boxes``.
+
+    Parameters
+    ----------
+    axes
+        The three axes to draw on, for height, pitch rate and roll rate.
+    summaries
+        For each of ``"height"`` [m], ``"pitch_rate"`` and ``"roll_rate"`` [rad/s] the five-number summaries by engine,
+        (levels, repeats, 5), as for ``draw_boxes``.
+    levels
+        Values of the gain, or words.
+    xlabel
+        Name of the gain, below each panel.
+    titles
+        Title of each panel.
+    paper
+        For each of the three measures the values (level, y) that the paper reports, in [m] and [rad/s].
+    colours
+        Colours by engine, as for ``draw_boxes``.
     """
     reported = paper or {}
     for ax, (measure, (label, unit)), title in zip(axes, _PANELS.items(), titles, strict=True):
@@ -155,27 +189,27 @@ _PANELS = {
 
 
 def _places(levels: Sequence[float] | Sequence[str]) -> Array:
-    """Where levels lie along an axis (n,): numbers at their values, words at 0, 1, ..."""
+    """Return the places (n,) of levels along an axis: numbers at their values, words at 0, 1, ..."""
     named = [isinstance(level, str) for level in levels]
     if not named or any(named) != all(named):
         raise InvalidInputError(f"levels: expected numbers or words, at least one, got {list(levels)!r}")
     places = np.arange(len(levels), dtype=float) if all(named) else check_array("levels", np.asarray(levels), ())
     if len(set(levels)) < len(levels):
-        raise InvalidInputError(f"levels: {list(levels)!r} repeat")
+        raise InvalidInputError(f"levels: {list(levels)!r} contain a level twice")
     return places
 
 
 def _place(level: float | str, levels: Sequence[float] | Sequence[str]) -> float:
-    """Where a marked level lies among ``levels``."""
+    """Return the place along the axis of a level that is marked."""
     if all(isinstance(known, str) for known in levels):
         if level not in levels:
-            raise InvalidInputError(f"paper: level {level!r} is none of {list(levels)!r}")
+            raise InvalidInputError(f"paper: level {level!r} is not one of {list(levels)!r}")
         return float(list(levels).index(level))
     return float(check_array("paper: level", level, ()))
 
 
 def _check_summary(name: str, summary: ArrayLike, count: int) -> Array:
-    """Coerce to (levels, repeats, 5) with ascending numbers."""
+    """Return a summary as an array (levels, repeats, 5) whose five numbers ascend, or raise InvalidInputError."""
     values = check_array(f"summaries: {name}", summary, (5,), ("number",))
     if values.ndim != 3 or values.shape[0] != count or values.shape[1] == 0:
         raise InvalidInputError(f"summaries: {name}: expected shape ({count} levels, repeats, 5), got {values.shape}")
@@ -202,24 +236,27 @@ def heat_map(
     mark: tuple[float, float] | None = None,
     limits: tuple[float, float] | None = None,
 ) -> None:
-    """Draw a map of equal cells with a colour bar; up to 8 by 8 cells have their values printed.
+    """Draw a map of equal cells with a colour bar; the values are printed in maps of up to 8 by 8 cells.
 
-    Raises InvalidInputError for values of another shape or a marked level that the map does not have.
+    Raises InvalidInputError if ``values`` have another shape or ``mark`` has a level that the map does not have.
 
     Parameters
     ----------
+    ax
+        Axes to draw on.
     values
-        (y levels, x levels): a row for each of ``y_levels``, which rise upwards.
+        Values of the cells, (y levels, x levels), in the unit that ``label`` names. The first row is at the bottom.
     x_levels, y_levels
-        What the columns and rows stand for.
+        Levels of the columns and of the rows.
     label
-        Of the colour bar, with the unit of ``values``.
+        Label of the colour bar, with the unit of ``values``.
     xlabel, ylabel
-        With units.
+        Labels of the axes, with units.
     mark
         Levels (x, y) of a cell that gets a frame and a star, labelled "paper" for a legend.
     limits
-        Values at the ends of the colours, so that maps side by side can share them; None takes the map's own.
+        Values at both ends of the colour bar, so that maps side by side can have the same colours. None takes the
+        smallest and largest value of the map.
     """
     shape = len(y_levels), len(x_levels)
     cells = check_array("values", values, shape, ("y level", "x level"))
@@ -251,7 +288,7 @@ def heat_map(
 
 
 def _print_cells(ax: Axes, mesh: Any, cells: Array) -> None:
-    """Print every value in its cell, to three digits of the largest, in black or white as the colour asks."""
+    """Print every value in its cell, with three digits of the largest value, in black on light and white on dark."""
     largest = float(np.abs(cells).max())
     decimals = int(np.clip(2 - np.floor(np.log10(largest)), 0, 5)) if largest > 0.0 else 0
     luminance = mesh.to_rgba(cells)[..., :3] @ [0.2126, 0.7152, 0.0722]
@@ -264,7 +301,8 @@ def _cell(axis: str, level: float, levels: Sequence[float]) -> int:
     """Index of ``level`` among ``levels``."""
     found = np.flatnonzero(np.isclose(np.asarray(levels, dtype=float), level))
     if not len(found):
-        raise InvalidInputError(f"mark: {axis} = {level:g} is none of the levels {[float(known) for known in levels]}")
+        known = [float(value) for value in levels]
+        raise InvalidInputError(f"mark: {axis} = {level:g} is not one of the levels {known}")
     return int(found[0])
 
 
@@ -278,19 +316,23 @@ def bar_effects(
     *,
     engines: Sequence[str] = (),
 ) -> None:
-    """Draw horizontal bars with intervals, such as main effects or sensitivity indices, from the top in their order.
+    """Draw horizontal bars with intervals, such as main effects or sensitivity indices, the first at the top.
 
-    Raises InvalidInputError for other shapes or an interval whose low end lies above its high end.
+    Raises InvalidInputError if shapes do not agree or the low end of an interval lies above its high end.
 
     Parameters
     ----------
+    ax
+        Axes to draw on.
     names
-        Of the n effects.
+        Names of the n effects.
     values, low, high
-        Lengths of the bars and ends of their intervals, (n,), or (engines, n) for one bar of each engine side by side,
-        labelled for a legend; in the unit that ``xlabel`` names.
+        Lengths of the bars and ends of their intervals, in the unit that ``xlabel`` names: (n,), or (engines, n) for
+        one bar per engine side by side, with a label for a legend.
+    xlabel
+        Label of the horizontal axis, with the unit.
     engines
-        Names of the engines, which give the colours; none for a single row of bars.
+        Names of the engines, which determine the colours. Empty if there is one bar per effect.
     """
     shape = (len(engines), len(names)) if len(engines) else (len(names),)
     given = [

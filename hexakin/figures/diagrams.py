@@ -1,4 +1,4 @@
-"""Diagrams: a gait over time, joint angles over time and in the leg, and flow charts."""
+"""Diagrams: gaits over time, joint angles over time and in a leg, and flow charts."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from hexakin.walking.gait import Gait
 
 
 def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -> None:
-    """Draw a gait's diagram: a bar for each leg while its foot is on the ground, over ``cycles`` of the gait.
+    """Draw the diagram of ``gait`` on ``ax``: for each leg a bar while its foot is on the ground.
 
-    ``names`` are the legs', from top to bottom. The time axis counts cycles.
+    ``names`` are the names of the legs, from top to bottom; ``cycles`` is the number of gait cycles shown. The time
+    axis counts cycles.
     """
     for leg, (offset, name) in enumerate(zip(gait.offsets, names, strict=True)):
         lands = offset + 1.0 - gait.duty_factor
@@ -37,7 +38,10 @@ def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -
 
 
 def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
-    """Plot one leg's three angles ``q`` (n, 3) [rad] in degrees over ``x`` (n,), with names of the robot's joints."""
+    """Plot one leg's three angles ``q`` (n, 3) [rad] on ``ax``, in degrees, with the names of the robot's joints.
+
+    ``x`` (n,), in the unit of the horizontal axis, which the caller labels.
+    """
     for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
         ax.plot(np.asarray(x), angle, style, label=_symbol(name))
     ax.set_ylabel("angle [deg]")
@@ -45,16 +49,17 @@ def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
 
 
 def _symbol(name: str) -> str:
-    """Return a joint's name as it is printed: theta_2 as the Greek letter with its index, a word as it is."""
+    """Return a joint's name for print: theta_2 becomes the Greek letter with its index, other names stay."""
     greek = re.fullmatch(r"(alpha|beta|gamma|delta|theta|phi|psi)(?:_([A-Za-z0-9]+))?", name)
     return name if greek is None else rf"$\{greek[1]}_{{{greek[2] or ''}}}$"
 
 
 def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
-    """Draw a leg's angles: from above (mounting and first joint) and in the leg's plane (second and third joint).
+    """Draw a leg's angles as in A Fig. 4: from above on ``top``, and in the leg's plane on ``side``.
 
-    ``q`` (L, 3) [rad], ``leg`` counts from 0. For legs of paper A's kind: the first axis vertical, angles
-    counted from the direction of the mount and upwards.
+    ``top`` shows the mounting angle and the first joint, ``side`` the second and third joint. ``q`` (L, 3) [rad] are
+    the angles of all legs, ``leg`` is the index of the leg, from 0. The drawing is right for legs of paper A's kind,
+    whose first axis is vertical and whose angles count from the direction of the mount and upwards.
     """
     q = np.asarray(q, dtype=float)
     poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]
@@ -71,7 +76,7 @@ def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: in
 
 
 def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float], names: Sequence[str]) -> None:
-    """Draw the polyline ``points`` (k, 2) and an arc at its first or second and following corners."""
+    """Draw the line through ``points`` (k, 2) [mm] and arcs at two corners: 0 and 1 with the mount, else 1 and 2."""
     ax.plot(*points.T, "k-", lw=2.5, zorder=2)
     ax.plot(*points[:-1].T, "o", color="w", mec="k", ms=8, zorder=3)
     ax.plot(*points[-1], "o", color="#404040", ms=10, zorder=3)
@@ -93,7 +98,11 @@ def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float],
 
 
 def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
-    """Draw a flow chart: ``steps`` name -> (x, y, text) in axis units, ``arrows`` (from, to, label)."""
+    """Draw a flow chart on ``ax``.
+
+    ``steps`` gives for each name (x, y, text), with x and y from 0 to 1 across the axes; a text that ends in "?" gets
+    the colour of a decision. ``arrows`` are (name, name, label), from the first step to the second.
+    """
     ax.axis("off")
     ax.set(xlim=(0, 1), ylim=(0, 1))
     drawn = {}

@@ -1,6 +1,6 @@
-"""What upright boxes hide from an eye: faces are cut along the boxes' outlines, so that no drawing order is needed.
+"""Cut faces along the outlines of upright boxes that hide them, so that no drawing order is needed.
 
-All lengths share one unit, whichever the caller draws in.
+The eye is the point from which the boxes are seen. All lengths have one unit, which the caller chooses.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ _FACES_OF_EDGE = np.array(
 
 
 def hiding_planes(lower: ArrayLike, upper: ArrayLike, eye: ArrayLike) -> Array:
-    """Planes that bound what each box hides, the box included.
+    """Return the planes that bound the space behind each box, seen from the eye; the box itself is included.
 
     Parameters
     ----------
     lower, upper
         Opposite corners of the boxes, (b, 3).
     eye
-        (3,), outside the boxes.
+        The point from which the boxes are seen, (3,), outside the boxes.
 
     Returns
     -------
     Array
-        (b, 18, 4): a point p is hidden by a box if n·p < d for every plane (n, d) of it. Planes that bound nothing are
-        (0, 0, 0, 1).
+        Planes (n, d), (b, 18, 4): a box hides a point p if n·p < d for all its planes. Entries that are not needed are
+        (0, 0, 0, 1), for which this always holds.
     """
     low, high, e = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), np.asarray(eye, dtype=float)
     to_face = np.concatenate([-low, high], axis=-1)  # (b, 6)
@@ -52,7 +52,7 @@ def hiding_planes(lower: ArrayLike, upper: ArrayLike, eye: ArrayLike) -> Array:
 
 
 def _split(polygon: Array, plane: Array) -> tuple[Array, Array]:
-    """Split a convex polygon (k, 3) into what lies behind a plane (4,) and what lies before it; (0, 3) is nothing."""
+    """Split a convex polygon (k, 3) into its parts behind and before a plane (4,); an empty part has shape (0, 3)."""
     side = polygon @ plane[:3] - plane[3]
     if not (side < 0.0).any():
         return polygon[:0], polygon
@@ -72,28 +72,28 @@ def _split(polygon: Array, plane: Array) -> tuple[Array, Array]:
 
 
 def cut_hidden(polygons: ArrayLike, planes: Array, *, tolerance: float = 1e-6) -> tuple[Array, NDArray[np.int_]]:
-    """Cut away what is hidden.
+    """Cut away the hidden parts of polygons.
 
     Parameters
     ----------
     polygons
-        Convex and plane, (m, k, 3).
+        Convex plane polygons, (m, k, 3).
     planes
-        As `hiding_planes` returns them, (b, p, 4).
+        Planes as `hiding_planes` returns them, (b, p, 4).
     tolerance
-        What lies less far inside is not hidden.
+        A point that is behind a plane by less than this length is not hidden.
 
     Returns
     -------
     tuple
-        The parts that can be seen (n, l, 3), filled up to the longest by repeating their last corner, and the index of
-        the polygon that each one comes from, (n,). A polygon of which nothing is hidden stays whole.
+        The visible parts (n, l, 3), whose last corner is repeated so that all have the same number of corners, and for
+        each part the index (n,) of its polygon. A polygon that is not hidden stays whole.
     """
     inner = planes - [0.0, 0.0, 0.0, tolerance]
     parts, origin = [], []
     for index, polygon in enumerate(np.asarray(polygons, dtype=float)):
         pieces = [polygon]
-        # A box whose planes do not all have corners behind them hides nothing of this polygon.
+        # A box hides no part of this polygon if one of its planes has no corner of the polygon behind it.
         near = ((inner[..., :3] @ polygon.T < inner[..., 3:]).any(axis=-1)).all(axis=-1)
         for box in inner[near]:
             pieces = [part for piece in pieces for part in _outside(piece, box)]
@@ -105,7 +105,7 @@ def cut_hidden(polygons: ArrayLike, planes: Array, *, tolerance: float = 1e-6) -
 
 
 def _outside(polygon: Array, planes: Array) -> list[Array]:
-    """Parts of a convex polygon (k, 3) that are not behind all of the planes (p, 4)."""
+    """Return the parts of a convex polygon (k, 3) that are before at least one of the planes (p, 4)."""
     rest, outside = polygon, []
     for plane in planes:
         rest, before = _split(rest, plane)

@@ -1,4 +1,4 @@
-"""Charts of what is possible: forces on feet, regions of the centre of mass, samples that confirm an optimum."""
+"""Charts for feasibility: contact forces, regions of the centre of mass, and samples around an optimum."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ _REGION_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
 def draw_forces(ax: Any, points: ArrayLike, forces: ArrayLike, *, scale: float, colour: str = RED) -> None:
-    """Draw forces (k, d) [N] as arrows that begin at ``points`` (k, d) [m], ``scale`` [m/N] long; d is 2 or 3.
+    """Draw forces as arrows on ``ax``.
 
-    On axes with three dimensions d is 3. Raises InvalidInputError for shapes that do not fit.
+    ``forces`` (k, d) [N] begin at ``points`` (k, d) [m]; d is 3 on 3D axes, otherwise 2. An arrow is ``scale`` [m/N]
+    times its force long and has the colour ``colour``. Forces of zero are not drawn. Raises InvalidInputError if the
+    shapes are others.
     """
     dimensions = 3 if getattr(ax, "name", "") == "3d" else 2
     start = check_array("points", points, (dimensions,), ("coordinate",))
@@ -43,16 +45,26 @@ def draw_regions(
     center_of_mass: ArrayLike,
     polygon: ArrayLike | None = None,
 ) -> None:
-    """Draw regions of the centre of mass seen from above, each labelled for a legend, over the contacts.
+    """Draw regions of the centre of mass and the feet, seen from above, with labels for a legend.
 
-    ``feet`` (k, 2 or more) [m]; ``regions`` vertices (m, 2) [m] by name, later ones over earlier ones, with m = 0 for
-    none; ``polygon`` (m, 2) [m] the support polygon, dashed; ``center_of_mass`` (2 or more,) [m].
+    Parameters
+    ----------
+    ax
+        Axes to draw on.
+    feet
+        Places of the feet, (k, 2) or (k, 3) [m].
+    regions
+        By name the vertices of a region, (m, 2) [m], with m = 0 if it is empty. Later regions cover earlier ones.
+    center_of_mass
+        Place of the centre of mass, (2,) or (3,) [m].
+    polygon
+        Vertices of the support polygon, (m, 2) [m], drawn as a dashed line; None draws none.
     """
     if polygon is not None:
         ax.fill(*(MM * np.asarray(polygon)).T, fill=False, edgecolor="k", ls="--", lw=1.2, zorder=4, label="polygon")
     for colour, (name, vertices) in zip(_REGION_COLOURS, regions.items(), strict=False):
         corners = MM * np.asarray(vertices, dtype=float).reshape(-1, 2)
-        light = 0.4 * np.array(to_rgb(colour)) + 0.6  # opaque: through one region another's colour would be seen
+        light = 0.4 * np.array(to_rgb(colour)) + 0.6  # opaque, so that no other region shines through
         ax.fill(*corners.T, facecolor=light, edgecolor=colour, lw=1.5, zorder=2, label=name)
     ax.plot(*(MM * np.asarray(feet)[:, :2]).T, "o", color=GREY, mec="k", ms=7, ls="none", zorder=5, label="feet")
     ax.plot(*(MM * np.asarray(center_of_mass)[:2]), "P", color="k", ms=7, ls="none", zorder=6, label="centre of mass")
@@ -60,7 +72,11 @@ def draw_regions(
 
 
 def draw_samples(ax: Axes, x: ArrayLike, y: ArrayLike, feasible: ArrayLike) -> None:
-    """Draw samples (n,) of a design question: full dots where the motion is possible, crosses where it is not."""
+    """Draw samples of two design parameters on ``ax``: dots where the motion is feasible, crosses where it is not.
+
+    ``x`` (n,) and ``y`` (n,) are the parameters, in the units of the axes, which the caller labels; ``feasible`` (n,)
+    bool.
+    """
     across, up, good = np.asarray(x), np.asarray(y), np.asarray(feasible, dtype=bool)
     ax.plot(across[good], up[good], "o", color=GREEN, ms=4, ls="none", zorder=3, label="sample: possible")
     ax.plot(across[~good], up[~good], "x", color=RED, ms=4.5, mew=1.2, ls="none", zorder=3, label="sample: impossible")

@@ -1,6 +1,6 @@
-"""Drawing on given axes, in one style; positions come in metres and are shown in millimetres.
+"""Robots, legs, frames, terrains and planned walks on 3D axes.
 
-Nothing is computed here beyond what a drawing needs.
+Positions are given in metres and shown in millimetres. Only what a drawing needs is computed here.
 """
 
 from __future__ import annotations
@@ -36,7 +36,11 @@ from hexakin.transforms import transform_points
 
 
 def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimuth: float = -60.0) -> Any:
-    """Return 3D axes with millimetre labels and the drawing order left to the caller."""
+    """Add 3D axes with labels in millimetres to ``figure`` and return them.
+
+    ``position`` is the place of the axes in the figure, as for matplotlib's ``add_subplot``; ``elevation`` and
+    ``azimuth`` [deg] are the direction from which they are seen. Objects are drawn in the order of their ``zorder``.
+    """
     ax = figure.add_subplot(position, projection="3d", computed_zorder=False)
     ax.view_init(elev=elevation, azim=azimuth)
     ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
@@ -48,21 +52,21 @@ def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimut
 
 
 def set_equal_3d(ax: Any, low: ArrayLike, high: ArrayLike) -> None:
-    """Show the box from ``low`` to ``high`` (3,) [m] with equal scales."""
+    """Show the box from ``low`` (3,) [m] to ``high`` (3,) [m] on the 3D axes ``ax``, with equal scales."""
     lower, upper = np.asarray(low) * MM, np.asarray(high) * MM
     ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
     ax.set_box_aspect(upper - lower, zoom=1.05)
 
 
 def _prism(T: Array, body: Body) -> Array:
-    """Six faces (6, 4, 3) of a body's box in the world."""
+    """Return the six faces (6, 4, 3) [m] of a body's box in the world."""
     corners = transform_points(T, body.corners)
     faces = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
     return corners[np.array(faces)]
 
 
 def _sphere(center: Array, radius: float) -> Array:
-    """Facets (m, 4, 3) of a sphere."""
+    """Return facets (m, 4, 3) [m] of a sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 11), np.linspace(0, np.pi, 7), indexing="ij")
     p = center + radius * np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1)
     return np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
@@ -71,9 +75,11 @@ def _sphere(center: Array, radius: float) -> Array:
 def draw_robot(
     ax: Any, robot: Robot, q: ArrayLike, T_world_body: ArrayLike | None = None, *, labels: bool = True
 ) -> None:
-    """Draw the robot's boxes and spheres; ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); leg numbers count from 1.
+    """Draw the robot on the 3D axes ``ax``, as boxes and spheres.
 
-    Blocks that `draw_terrain` drew hide what lies behind them.
+    ``q`` (L, 3) [rad] are the joint angles, ``T_world_body`` (4, 4) is the body's pose (None: the identity). With
+    ``labels`` the numbers of the legs, from 1, are written beside the feet. Blocks that `draw_terrain` drew on the
+    same axes hide the parts of the robot behind them.
     """
     T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
     feet = transform_points(T, forward_kinematics(robot, q))
@@ -106,7 +112,11 @@ def draw_robot(
 
 
 def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool = True, length: float = 0.03) -> None:
-    """Draw one leg (index from 0) as lines between its joints, with the frame at each joint and at the foot."""
+    """Draw one leg on the 3D axes ``ax``, as lines between its joints.
+
+    ``q`` (L, 3) [rad] are the angles of all legs, ``leg`` is the index of the leg, from 0. With ``frames`` the body's
+    frame and the frame at each joint are drawn with axes ``length`` [m] long, and named.
+    """
     q = np.asarray(q, dtype=float)
     poses = segment_poses(robot, q)[leg]
     foot = forward_kinematics(robot, q)[leg]
@@ -134,14 +144,29 @@ def draw_wireframe(
 ) -> None:
     """Draw the robot as lines: the torso's edges and, for each leg, the line through its joints to the foot.
 
-    ``q`` (L, 3) [rad], ``T_world_body`` (4, 4); ``legs`` (indices from 0) are the ones drawn, None is all.
+    Parameters
+    ----------
+    ax
+        3D axes to draw on.
+    robot
+        The robot.
+    q
+        Joint angles, (L, 3) [rad].
+    T_world_body
+        Pose of the body, (4, 4); None is the identity.
+    legs
+        Indices, from 0, of the legs that are drawn; None draws all.
+    torso
+        Whether the torso is drawn.
+    colour, width
+        Colour and width (in points) of the lines.
     """
     T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
     joints, feet = segment_poses(robot, q)[..., :3, 3], forward_kinematics(robot, q)
     lines = transform_points(T, np.concatenate([joints, feet[:, None]], axis=1).reshape(-1, 3))
     lines = lines.reshape(robot.num_legs, -1, 3) * MM
     drawn = range(robot.num_legs) if legs is None else legs
-    # Seen beyond the panel's edge; the layout would otherwise take 3D points for places on the page.
+    # Lines may leave the panel. The layout ignores them, because it would read 3D points as points on the page.
     unclipped: dict[str, Any] = {"zorder": 5, "clip_on": False, "in_layout": False}
     for leg in drawn:
         ax.plot(*lines[leg].T, "o-", color=colour, ms=1.6 * width, lw=width, **unclipped)
@@ -151,7 +176,10 @@ def draw_wireframe(
 
 
 def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
-    """Draw a frame's x (red), y (green) and z (blue) axes, ``length`` [m] long."""
+    """Draw a frame on the 3D axes ``ax``: its x (red), y (green) and z (blue) axes, ``length`` [m] long.
+
+    ``T`` (4, 4) is the pose of the frame in the world.
+    """
     T = np.asarray(T)
     segments = [np.stack([T[:3, 3], T[:3, 3] + length * T[:3, k]]) * MM for k in range(3)]
     ax.add_collection3d(Line3DCollection(segments, colors=[RED, GREEN, BLUE], linewidths=1.8, zorder=4))
@@ -160,10 +188,11 @@ def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
 def draw_terrain(
     ax: Any, terrain: Terrain, low: tuple[float, float], high: tuple[float, float], *, spacing: float = 0.05
 ) -> None:
-    """Draw the ground between ``low`` and ``high`` (x, y) [m].
+    """Draw the part of ``terrain`` between ``low`` (x, y) [m] and ``high`` (x, y) [m] on the 3D axes ``ax``.
 
-    A terrain of boxes is drawn as blocks, the higher the lighter, cut off at the edges of the window, and hides what
-    lies behind it of robots drawn on the same axes. Others are drawn as a grid of tiles, ``spacing`` [m] wide.
+    A terrain of boxes is drawn as blocks, which are lighter if they are higher. The blocks end at ``low`` and
+    ``high``, and hide the parts behind them of robots on the same axes. Other terrains are drawn as tiles that are
+    ``spacing`` [m] wide. Raises InvalidInputError if ``low`` is not below ``high``.
     """
     x_low, y_low = check_array("low", low, (2,), ("coordinate",))
     x_high, y_high = check_array("high", high, (2,), ("coordinate",))
@@ -185,7 +214,11 @@ def draw_terrain(
 
 
 def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = ORANGE, arrow: float = 0.1) -> None:
-    """Draw a triangle of feet (3, 3) [m] and its unit normal (3,)."""
+    """Draw a plane through three feet on the 3D axes ``ax``, as a triangle and an arrow along its normal.
+
+    ``points`` (3, 3) [m] are the feet, ``normal`` (3,) is the unit normal, ``arrow`` [m] the length of its arrow,
+    ``colour`` the colour of both.
+    """
     triangle = np.asarray(points) * MM
     ax.add_collection3d(Poly3DCollection([triangle], facecolors=colour, alpha=0.4, edgecolors=colour, zorder=1))
     center, tip = triangle.mean(axis=0), triangle.mean(axis=0) + arrow * MM * np.asarray(normal)
@@ -193,9 +226,10 @@ def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = O
 
 
 def draw_plan(ax: Any, robot: Robot, plan: WalkPlan, samples: Sequence[int], *, ground: bool = True) -> None:
-    """Draw a planned walk: foot paths in the legs' colours, the body's path, and the robot at some ``samples``.
+    """Draw paper B's ``plan`` of a walk on the 3D axes ``ax``: the paths of feet and body, and the robot itself.
 
-    With ``ground`` the footholds of each leg are joined by a dashed line, for terrains without a surface to draw.
+    ``samples`` are the indices of the samples at which the robot is drawn. The paths of the feet have the colours of
+    the legs. With ``ground`` a dashed line joins the footholds of each leg, for terrains without a surface to draw.
     """
     for leg in range(robot.num_legs):
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]

@@ -1,12 +1,12 @@
-"""Sliders in a notebook: the body's pose over planted feet, or one leg's angles, with a picture that follows.
+"""Sliders in a notebook that move the body over fixed feet, or one leg, and a picture of the result.
 
 ::
 
     hk.sliders.body_pose(robot)  # as the last line of a cell
     hk.sliders.leg_angles(robot, leg=2)
 
-A leg that cannot follow is drawn in red and named below the picture. They need the package ipywidgets and nothing from
-the net; a new picture takes about 0.15 s.
+A leg that cannot follow is drawn in red and named below the picture. The sliders need the package ipywidgets and no
+network; a new picture takes about 0.15 s.
 """
 
 from __future__ import annotations
@@ -35,18 +35,19 @@ from hexakin.robot.model import Robot, check_robot
 from hexakin.terrain.planes import Plane
 from hexakin.transforms import pose, rpy_rotation, transform_points
 
-_FAULT = "#b2002d"  # none of the legs' colours
-_BEYOND = 0.2  # of a joint's range: how far its slider leads past the limits, so that they can be seen
-_TILT = 45.0  # [deg]
+_FAULT = "#b2002d"  # differs from the colours of the legs
+_BEYOND = 0.2  # share of a joint's range by which its slider exceeds the limits on both sides, to show them
+_TILT = 45.0  # [deg], largest roll, pitch and yaw of the sliders
 
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """A robot over a level floor at z = 0, and what is wrong with it.
+    """A robot over a level floor at z = 0, with its faults.
 
-    ``T_world_body`` (4, 4); ``q`` (L, 3) [rad], of a leg out of reach those that it had before; ``p_world_foot``
-    (L, 3) [m], where the feet's centres should be; ``torso_clearance`` [m] between the torso and the floor, negative
-    below it; ``faults`` says by leg (counted from 1; 0 is the torso) what cannot be.
+    ``T_world_body`` (4, 4) is the body's pose; ``q`` (L, 3) [rad] are the joint angles, of a leg out of reach the
+    angles that it had before; ``p_world_foot`` (L, 3) [m] are the places where the centres of the feet should be;
+    ``torso_clearance`` [m] is the distance from the floor to the torso, negative below the floor; ``faults`` has by
+    leg (from 1; 0 is the torso) a message, such as a limit that is exceeded.
     """
 
     T_world_body: Array
@@ -57,10 +58,11 @@ class Posture:
 
 
 def posture_of_body(robot: Robot, offset: Any, rpy: Any, q_before: Array | None = None) -> Posture:
-    """Move the body while the feet stay on their standing footholds.
+    """Return the posture after the body has moved while the feet stay on their standing footholds.
 
-    ``offset`` (3,) [m] from the standing pose along the world's axes, ``rpy`` (3,) [rad], roll, pitch and yaw about the
-    body's x, y and z axes (B(2)), ``q_before`` (L, 3) [rad], what a leg out of reach keeps; None is the standing pose.
+    ``offset`` (3,) [m] is the way from the standing pose along the world's axes, ``rpy`` (3,) [rad] are roll, pitch and
+    yaw about the body's x, y and z axes, B(2). A leg out of reach keeps its angles of ``q_before`` (L, 3) [rad]; None
+    is the standing pose. Raises InvalidInputError if an array has another shape.
     """
     check_robot(robot)
     shift = check_array("offset", offset, (3,), ("coordinate",)) + [0.0, 0.0, standing_height(robot)]
@@ -79,7 +81,11 @@ def posture_of_body(robot: Robot, offset: Any, rpy: Any, q_before: Array | None 
 
 
 def posture_of_leg(robot: Robot, leg: int, angles: Any) -> Posture:
-    """Give one leg (counted from 1) three angles (3,) [rad]; everything else stays in the standing pose."""
+    """Return the standing posture, in which one leg has other angles.
+
+    ``leg`` is the number of the leg, from 1; ``angles`` (3,) [rad]. Raises InvalidInputError if the robot does not have
+    the leg or ``angles`` have another shape.
+    """
     check_robot(robot)
     _check_leg(robot, leg)
     q = np.array(robot.standing_q)
@@ -106,7 +112,7 @@ def _torso_faults(torso_clearance: float) -> dict[int, str]:
 
 
 class _Range(NamedTuple):
-    """What a slider offers, in its own unit, and that unit in SI units."""
+    """Range, start and step of a slider in its ``unit``; ``scale`` converts to SI units."""
 
     low: float
     high: float
@@ -117,17 +123,27 @@ class _Range(NamedTuple):
 
 
 class Sliders:
-    """What `body_pose` and `leg_angles` return; a notebook shows it.
+    """Sliders and a picture of the robot, as `body_pose` and `leg_angles` return them; a notebook shows them.
 
-    ``sliders`` are the ipywidgets sliders by name, in mm and degrees: setting their ``value`` moves them. ``posture``
-    is what they stand for, ``text`` what is said below the picture.
+    ``sliders`` are the ipywidgets sliders by name, in mm and degrees: to move one, set its ``value``. ``text`` is the
+    text below the picture.
+
+    Parameters
+    ----------
+    robot
+        The robot that is drawn.
+    ranges
+        By name the range, start, step and unit of each slider.
+    posture
+        Function that returns the `Posture` for the values of all sliders, (n,) [m or rad], and the joint angles before,
+        (L, 3) [rad]. The attribute ``posture`` is the posture that is shown.
     """
 
     def __init__(self, robot: Robot, ranges: Mapping[str, _Range], posture: Callable[[Array, Array], Posture]):
         widgets = _ipywidgets()
         self._robot, self._ranges, self._posture = robot, ranges, posture
         self._figure = Figure(figsize=(5.6, 3.6), dpi=90)
-        self._figure.set_layout_engine("none")  # takes time, and moves the axes with their numbers
+        self._figure.set_layout_engine("none")  # a layout takes time, and would move the axes when their numbers change
         FigureCanvasAgg(self._figure)
         self.sliders = {
             name: widgets.FloatSlider(
@@ -148,16 +164,16 @@ class Sliders:
 
     @property
     def text(self) -> str:
-        """What is said below the picture: a line for each fault."""
+        """The text below the picture: one line for each fault."""
         return "\n".join(self.posture.faults.values()) or "every foot within reach, every angle within its limits"
 
     @property
     def png(self) -> bytes:
-        """The picture."""
+        """The picture, as the content of a PNG file."""
         return bytes(self._picture.value)
 
     def _follow(self, _: Any) -> None:
-        """Show what the sliders say."""
+        """Draw the posture that the sliders are set to."""
         values = np.array([self._ranges[name].scale * slider.value for name, slider in self.sliders.items()])
         self.posture = self._posture(values, self._q_before)
         self._q_before = self.posture.q
@@ -167,7 +183,7 @@ class Sliders:
         self._said.value = f'<span style="color: {colour}">{lines}</span>'
 
     def _stand(self, _: Any) -> None:
-        """Put all sliders back, with one picture at the end."""
+        """Set all sliders to the standing pose, and draw one picture at the end."""
         for slider in self.sliders.values():
             slider.unobserve(self._follow, names="value")
         for name, slider in self.sliders.items():
@@ -178,15 +194,15 @@ class Sliders:
         self._follow(None)
 
     def _repr_mimebundle_(self, **options: Any) -> dict[str, Any]:
-        """Return the sliders and, for pages without a kernel behind them, the picture."""
+        """Return the sliders and, for pages that have no kernel, the picture."""
         return {**self.widget._repr_mimebundle_(**options), "image/png": base64.b64encode(self.png).decode()}
 
 
 def body_pose(robot: Robot) -> Sliders:
-    """Sliders for the body's pose, the feet planted on their standing footholds: x, y, z, roll, pitch and yaw.
+    """Return sliders for x, y, z, roll, pitch and yaw of the body; the feet stay on their standing footholds.
 
-    x, y and z are moved from the standing pose along the world's axes; angles are about the body's x, y and z axes, as
-    in B(2), whichever way the robot walks. Raises MissingPackageError without ipywidgets.
+    x, y and z are distances from the standing pose along the world's axes. The angles are about the body's x, y and z
+    axes, as in B(2), for every direction of walking. Raises MissingPackageError without ipywidgets.
     """
     check_robot(robot)
     far = round(0.5e3 * float(reach(robot)[:, 1].max()))
@@ -197,9 +213,10 @@ def body_pose(robot: Robot) -> Sliders:
 
 
 def leg_angles(robot: Robot, leg: int = 1) -> Sliders:
-    """Sliders for the three angles of a leg, counted from 1; they lead a little beyond its joint limits.
+    """Return sliders for the three angles of one leg; their ranges go a little beyond its joint limits.
 
-    Raises MissingPackageError without ipywidgets, InvalidInputError for a leg that the robot has not.
+    ``leg`` is the number of the leg, from 1. Raises MissingPackageError without ipywidgets, InvalidInputError if the
+    robot does not have the leg.
     """
     check_robot(robot)
     _check_leg(robot, leg)
@@ -217,10 +234,10 @@ def _check_leg(robot: Robot, leg: int) -> None:
 
 
 def _picture(figure: Figure, robot: Robot, posture: Posture) -> bytes:
-    """Draw a posture in a box that does not move, and return the picture."""
+    """Draw a posture in a box of fixed size and place, and return the PNG file's content."""
     figure.clear()
     ax = axes_3d(figure, elevation=25, azimuth=-50)
-    ax.set_position((-0.08, -0.08, 1.12, 1.24))  # 3D axes leave much room around
+    ax.set_position((-0.08, -0.08, 1.12, 1.24))  # 3D axes have wide margins of their own
     standing = forward_kinematics(robot, robot.standing_q)
     side = 1.2 * float(np.abs(standing[:, :2]).max())
     top = standing_height(robot) + 0.8 * float(reach(robot)[:, 1].max())

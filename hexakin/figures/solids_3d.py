@@ -1,6 +1,7 @@
-"""Blocks on 3D axes, and solids that they hide: both are put in order when drawn, for wherever the eye is then.
+"""Blocks on 3D axes, and solids that the blocks hide.
 
-All lengths are in the unit of the axes, except for those of a terrain.
+Whenever the axes are drawn, faces are sorted and cut for the point from which they are seen then, the eye. All lengths
+are in the unit of the axes.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from hexakin.checks import Array
 from hexakin.figures.occlusion import cut_hidden, hiding_planes
 
 _LOWEST, _HIGHEST = np.array([0.63, 0.57, 0.46]), np.array([0.98, 0.96, 0.90])  # colours of tops
-_SIDE_X, _SIDE_Y = 0.62, 0.78  # brightness of sides, of that of the top
-_FAR = 1e4  # of an orthographic view's depth: how far away its eye is put
+_SIDE_X, _SIDE_Y = 0.62, 0.78  # brightness of the sides, as a share of the top's
+_FAR = 1e4  # distance of the eye in an orthographic view, as a multiple of the size of the axes
 
 
 def eye_of(ax: Any) -> Array:
-    """Where the eye of 3D axes is, (3,): the point that their projection maps to no place."""
+    """Return the eye (3,) of 3D axes: the point from which they are seen, which their projection maps to no place."""
     projection = ax.get_proj()
     *place, weight = np.linalg.svd(projection[[0, 1, 3]])[2][-1]
     if abs(weight) > 1e-12 * np.abs(place).max():
@@ -34,14 +35,15 @@ def eye_of(ax: Any) -> Array:
 
 
 class BlockFaces(PolyCollection):
-    """Tops and sides of upright blocks that stand side by side, from the farthest to the nearest.
+    """Tops and sides of upright blocks that stand side by side, drawn from the farthest to the nearest.
 
-    ``lower`` and ``upper`` are their corners (b, 3). The higher a block the lighter its top; sides are darker.
+    ``lower`` (b, 3) and ``upper`` (b, 3) are opposite corners of the blocks. The top of a higher block is lighter;
+    sides are darker than tops.
     """
 
     def __init__(self, lower: Array, upper: Array, **options: Any):
         super().__init__([], edgecolors=(0.25, 0.22, 0.17), linewidths=0.35, joinstyle="round", **options)
-        self.set(clip_on=False, in_layout=False)  # corners reach beyond the panel; the layout is for what is flat
+        self.set(clip_on=False, in_layout=False)  # corners may leave the panel; the layout only works for 2D points
         self.lower, self.upper = lower, upper
         (x0, y0, z0), (x1, y1, z1) = lower.T, upper.T
         rings = [
@@ -61,15 +63,16 @@ class BlockFaces(PolyCollection):
 
     @property
     def corners(self) -> Array:
-        """Corners of all blocks, (2 b, 3)."""
+        """Lower and upper corners of all blocks, (2 b, 3)."""
         return np.concatenate([self.lower, self.upper])
 
     def do_3d_projection(self) -> float:
-        """Put the faces that the eye sees in order and project them."""
+        """Sort the faces that the eye sees, and project them."""
         eye = eye_of(self.axes)
         (x0, y0, _), (x1, y1, z1) = self.lower.T, self.upper.T
         seen = np.column_stack([eye[2] > z1, eye[0] < x0, eye[0] > x1, eye[1] < y0, eye[1] > y1])
-        # A ray to the eye gets nearer to it along x and along y: no block hides one that is nearer in this sum.
+        # Along a ray to the eye, the distances in x and in y both become smaller. Therefore no block hides another one
+        # whose sum of both distances is smaller.
         away = np.maximum(np.maximum(self.lower - eye, eye - self.upper), 0.0)[:, :2].sum(axis=1)
         order = np.argsort(-away, kind="stable")
         faces, colours = self.faces[order][seen[order]], self._colours[order][seen[order]]
@@ -81,14 +84,14 @@ class BlockFaces(PolyCollection):
 
 
 class SolidFaces(Poly3DCollection):
-    """Shaded faces (m, k, 3) of solids, convex, which blocks on the same axes hide as far as they are behind them."""
+    """Shaded convex faces (m, k, 3) of solids; the parts that lie behind blocks on the same axes are not drawn."""
 
     def __init__(self, faces: Array, colours: ArrayLike, **options: Any):
         super().__init__(faces, facecolors=colours, shade=True, **options)
         self._whole, self._shaded = faces, np.asarray(PolyCollection.get_facecolor(self))
 
     def do_3d_projection(self) -> float:
-        """Cut away what is hidden and project the rest."""
+        """Cut away the hidden parts, and project the rest."""
         faces, origin = self._whole, np.arange(len(self._whole))
         for blocks in (artist for artist in self.axes.collections if isinstance(artist, BlockFaces)):
             faces, kept = cut_hidden(faces, hiding_planes(blocks.lower, blocks.upper, eye_of(self.axes)))

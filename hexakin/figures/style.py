@@ -1,4 +1,4 @@
-"""How every figure looks and how it is written to a file."""
+"""The style of all figures, and how a figure is written to a file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from hexakin.exceptions import InvalidInputError
 
-# Okabe and Ito's colours, which stay apart for colour-blind readers.
+# The colours of Okabe and Ito, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
 LEG_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#999933", "#332288")
 SIMPLE, CONTROLLED = GREY, BLUE
@@ -34,16 +34,16 @@ STYLE: dict[str, Any] = {
 
 
 def use_style() -> None:
-    """Set the style of every figure that follows."""
+    """Set the style of all figures that are made after this call."""
     plt.rcParams.update(STYLE)  # type: ignore[arg-type]
 
 
 def save_pdf(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write ``figure`` as a vector PDF and return where; the file appears whole or not at all.
+    """Write ``figure`` as a PDF file of vector graphics, and return its path.
 
-    The page has the figure's own size, so that figures of one width stay of one width; fonts are embedded as TrueType,
-    and equal figures make equal files. ``.pdf`` is added to a ``path`` that does not end so. Raises InvalidInputError
-    if the folder does not exist.
+    The page has the size of the figure, so that figures of the same width also have it on paper. Fonts are embedded as
+    TrueType, and equal figures give equal files. ``.pdf`` is added to ``path`` if it is missing. If writing fails, a
+    file that was there before stays as it was. Raises InvalidInputError if the folder does not exist.
     """
     target = Path(path)
     if target.suffix.lower() != ".pdf":

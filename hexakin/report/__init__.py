@@ -1,1 +1,1 @@
-"""Notebooks as one browsable report: ``python -m hexakin.report``."""
+"""All notebooks as one HTML report: ``python -m hexakin.report``."""

@@ -1,4 +1,4 @@
-"""Run every notebook in a fresh kernel and write them as one browsable HTML report.
+"""Run every notebook in a fresh kernel and write all of them as one HTML report.
 
 ``python -m hexakin.report NOTEBOOKS REPORT`` reads the folder NOTEBOOKS and writes the folder REPORT. Its index
 shows the figures that the README beside NOTEBOOKS lists, if there is one.
@@ -27,17 +27,17 @@ except ImportError as error:
 
 
 def run(notebook: Any, folder: Path) -> tuple[float, str]:
-    """Execute a notebook (an ``nbformat`` node) in ``folder``: seconds, and the error that ended it or ``""``."""
+    """Run a notebook (an ``nbformat`` node) in ``folder``; return its time [s] and its error, ``""`` without one."""
     client = nbclient.NotebookClient(
         notebook, timeout=None, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     )
     start, failure = time.monotonic(), ""
     try:
-        # The kernel's own log goes nowhere; what cells write to stderr comes as output all the same.
+        # This drops the kernel's own log only. Text that cells write to stderr is still an output of the cell.
         client.execute(stderr=subprocess.DEVNULL)
     except Exception as error:
         if hasattr(client, "_async_cleanup_kernel_future"):
-            # nbclient has taken SIGINT or SIGTERM itself; it ends the kernel and then fails in one way or another.
+            # nbclient handles SIGINT and SIGTERM: it ends the kernel and then raises one of several errors.
             raise KeyboardInterrupt from error
         if isinstance(error, nbclient.exceptions.CellExecutionError):
             failure = f"{error.ename}: {error.evalue}"
@@ -49,9 +49,10 @@ def run(notebook: Any, folder: Path) -> tuple[float, str]:
 
 
 def make_page(path: Path, report: Path, names: list[str], stored: bool = False) -> Page:
-    """Write a notebook's page, whether or not it fails on the way; with its ``stored`` outputs it is not run.
+    """Run the notebook at ``path`` and write its page into the folder ``report``, even if the notebook fails.
 
-    ``names`` are those of the figures to look for.
+    ``names`` are the names of the figures to look for. With ``stored`` the notebook is not run, and the page shows its
+    stored outputs.
     """
     notebook = nbformat.read(path, as_version=4)
     page = Page(path.stem, title_of(notebook, path.stem), written=True)
@@ -60,7 +61,7 @@ def make_page(path: Path, report: Path, names: list[str], stored: bool = False) 
         page = replace(page, error=f"{errors[0].ename}: {errors[0].evalue}" if errors else "")
     else:
         for cell in notebook.cells:
-            if cell.cell_type == "code":  # of a cell that is not reached, nothing is shown
+            if cell.cell_type == "code":  # a cell that is not reached must not show old outputs
                 cell.outputs, cell.execution_count = [], None
         seconds, failure = run(notebook, path.parent)
         page = replace(page, seconds=seconds, error=failure)
@@ -70,7 +71,7 @@ def make_page(path: Path, report: Path, names: list[str], stored: bool = False) 
 
 
 def missing_figures(figures: list[Figure], pages: list[Page]) -> list[str]:
-    """Names of the figures that should have a picture and have none, though no error explains it."""
+    """Return the names of rebuilt figures that have no picture although their notebook did not fail."""
     drawn = {(page.stem, name) for page in pages for picture in page.pictures for name in picture.figures}
     failed = {page.stem for page in pages if page.error}
     wanted = [f for f in figures if f.status == "rebuilt" and f.notebook not in failed]
@@ -78,15 +79,19 @@ def missing_figures(figures: list[Figure], pages: list[Page]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run all notebooks of a folder; the exit code is 1 if one failed or lacks a figure, 130 when interrupted."""
+    """Run all notebooks of a folder and return the exit code.
+
+    It is 1 if a notebook failed or a figure has no picture, 130 after an interruption, otherwise 0. ``arguments`` are
+    those of the command line, None for the program's own. Raises InvalidInputError if the folder has no notebooks.
+    """
     parser = argparse.ArgumentParser(prog="python -m hexakin.report", description=__doc__)
     parser.add_argument("notebooks", type=Path)
     parser.add_argument("report", type=Path)
-    parser.add_argument("--stored", action="store_true", help="show the outputs that the notebooks hold; run nothing")
+    parser.add_argument("--stored", action="store_true", help="show the outputs stored in the notebooks, without a run")
     options = parser.parse_args(arguments)
     paths = sorted(options.notebooks.glob("*.ipynb"))
     if not paths:
-        raise InvalidInputError(f"{options.notebooks}: no notebooks there")
+        raise InvalidInputError(f"{options.notebooks}: this folder has no notebooks")
     options.report.mkdir(parents=True, exist_ok=True)
     figures = figure_table(options.notebooks.resolve().parent / "README.md")
     statements = judged_statements() if figures else {}
@@ -101,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
             said = f"FAILED: {page.error}" if page.error else "" if took else page.result
             print("  ".join(filter(None, (took, said))), flush=True)
     except KeyboardInterrupt:
-        print(f"\nInterrupted; what was finished is in {options.report}/index.html", file=sys.stderr)
+        print(f"\nInterrupted; the finished notebooks are in {options.report}/index.html", file=sys.stderr)
         return 130
     index = write_index(pages, figures, statements, options.report)
     failed = [page.stem for page in pages if page.error]

@@ -1,7 +1,7 @@
-"""Which picture of an executed notebook shows which figure of the papers, and what is known of the figure.
+"""Which picture of an executed notebook shows which figure of the papers, with the verdicts on the figure.
 
-A picture shows the figures that the code names, as ``"A Fig. 10"`` in a string (a title, a label, an argument), since
-the picture before: what is written on it. A figure that is named again later stays with its first picture.
+A picture shows the figures whose names, such as ``"A Fig. 10"``, are in strings of the code (a title, a label, an
+argument) after the previous picture. If a figure is named again later, only its first picture counts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hexakin.papers.statements import VERDICTS, finding
 
 @dataclass(frozen=True)
 class Figure:
-    """A row of the README's table of figures: ``name`` as ``"A Fig. 10"``, and what stands beside it there."""
+    """A row of the README's table of figures: ``name``, such as ``"A Fig. 10"``, and the other columns."""
 
     name: str
     shows: str
@@ -32,7 +32,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Picture:
-    """A notebook's picture: the names of the figures on it, its PNG file, and the checks that passed in its section."""
+    """A picture of a notebook: names of its ``figures``, ``png`` file, number of ``checks`` passed in its section."""
 
     figures: tuple[str, ...]
     png: bytes
@@ -40,12 +40,12 @@ class Picture:
 
     @property
     def anchor(self) -> str:
-        """Its place in the notebook's page, and the name of its file."""
+        """The picture's anchor in the page of the notebook, and the stem of its file name."""
         return re.sub(r"\W+", "-", self.figures[0]).strip("-")
 
 
 def figure_table(readme: Path) -> list[Figure]:
-    """Rows of the table of figures in a README; none without such a file or table."""
+    """Return the rows of the table of figures in a README; an empty list if there is no such file or table."""
     if not readme.is_file():
         return []
     row = re.compile(r"^\| ([AB] Fig\. [^|]+?) \| ([^|]+?) \|([^|]*)\| ([^|]+?) \|$", re.MULTILINE)
@@ -56,7 +56,7 @@ def figure_table(readme: Path) -> list[Figure]:
 
 
 def find_pictures(notebook: Any, names: Iterable[str]) -> list[Picture]:
-    """Pictures of an executed notebook (an ``nbformat`` node) that show the figures named, in their order."""
+    """Return the pictures of an executed notebook (an ``nbformat`` node) that show figures in ``names``, in order."""
     left, named, found = list(names), [], []
     for k, cell in enumerate(notebook.cells):
         if cell.cell_type != "code":
@@ -74,9 +74,10 @@ def find_pictures(notebook: Any, names: Iterable[str]) -> list[Picture]:
 
 
 def checks_passed(cells: Iterable[Any]) -> int:
-    """Assert statements in those of the code cells that ran to their end.
+    """Return the number of assert statements in code cells that ran to their end.
 
-    One in a loop counts once. Those in functions and under conditions are left out: they may not have been reached.
+    An assert statement in a loop counts once. Those in functions and under conditions do not count, because they may
+    not have been reached.
     """
     count = 0
     for cell in cells:
@@ -92,7 +93,7 @@ def _asserts(statements: list[ast.stmt]) -> int:
 
 
 def _strings(source: str) -> str:
-    """What the code has in strings, not in comments: these mention figures of other pictures too."""
+    """Return the strings in code, without comments, which also mention figures of other pictures."""
     constants = [node.value for node in ast.walk(_tree(source)) if isinstance(node, ast.Constant)]
     return "\n".join(value for value in constants if isinstance(value, str))
 
@@ -100,12 +101,12 @@ def _strings(source: str) -> str:
 def _tree(source: str) -> ast.Module:
     try:
         return ast.parse(source)
-    except SyntaxError:  # such a cell has failed
+    except SyntaxError:  # such a cell fails
         return ast.Module([], [])
 
 
 def _section(cells: list[Any], k: int) -> list[Any]:
-    """Cells from the heading above cell ``k`` to the next one."""
+    """Return the cells from the heading above cell ``k`` to the next heading."""
     heads = [i for i, c in enumerate(cells) if c.cell_type == "markdown" and re.search(r"^#+ ", c.source, re.MULTILINE)]
     start = max((i for i in heads if i < k), default=0)
     return cells[start : min((i for i in heads if i > k), default=len(cells))]
@@ -113,14 +114,14 @@ def _section(cells: list[Any], k: int) -> list[Any]:
 
 @dataclass(frozen=True)
 class Judged:
-    """A statement of paper A: its words and, by engine, what was found and the verdict."""
+    """A statement of paper A: the ``claim``, and ``found`` by engine: the result and the verdict."""
 
     claim: str
     found: Mapping[str, tuple[str, str]]
 
 
 def judged_statements() -> dict[str, list[Judged]]:
-    """Paper A's statements by the figure they are about, as ``"A Fig. 10"``, judged from the committed results."""
+    """Return paper A's statements by figure, such as ``"A Fig. 10"``, with verdicts from the committed results."""
     table = results.statement_verdicts()
     statements: dict[str, list[Judged]] = {}
     for _, rows in table.groupby("id", sort=False):
@@ -131,7 +132,7 @@ def judged_statements() -> dict[str, list[Judged]]:
 
 
 def count_verdicts(statements: Iterable[Judged]) -> dict[str, dict[str, int]]:
-    """How many of the statements have each verdict, by engine; verdicts that none has are left out."""
+    """Return by engine the number of statements with each verdict; verdicts without statements are left out."""
     pairs = [(engine, verdict) for s in statements for engine, (_, verdict) in s.found.items()]
     table = pd.DataFrame(pairs, columns=["engine", "verdict"])
     return {

@@ -1,4 +1,4 @@
-"""The report's index: every figure with its picture and what is known of it, every notebook, and what made them."""
+"""The index of the report: all figures with pictures and verdicts, all notebooks, and the versions that made them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ except ImportError as error:
 
 _TEMPLATE = Path(__file__).with_name("index.html")
 PACKAGES = (*provenance.PACKAGES, "casadi", "sympy", "pandas", "matplotlib", "meshcat", "nbclient", "nbconvert")
-"""Packages whose versions the index gives."""
+"""Packages whose versions are listed in the index."""
 
 
 @dataclass(frozen=True)
 class Card:
-    """Figures that share a picture, or one without: where it stands, or why it is missing, and its notebook's error."""
+    """A picture with the figures that it shows, or one figure without a picture.
+
+    ``picture`` is None for a figure without one, and ``missing`` then gives the reason. ``error`` is the error of the
+    notebook, or empty; ``statements`` are paper A's statements on the figures.
+    """
 
     figures: tuple[Figure, ...]
     notebook: str
@@ -39,17 +43,17 @@ class Card:
 
     @property
     def image(self) -> str:
-        """Path of the picture's file, empty without one."""
+        """Path of the picture's file, empty without a picture."""
         return picture_file(self.picture) if self.picture else ""
 
     @property
     def link(self) -> str:
-        """Place of the picture in its notebook's page."""
+        """Link to the picture in the page of its notebook, empty without a picture."""
         return f"{self.notebook}.html#{self.picture.anchor}" if self.picture else ""
 
     @property
     def checks(self) -> str:
-        """How many checks passed in the picture's section; that there are none is said where nothing else is."""
+        """Text with the number of checks in the picture's section; empty if there are statements and no checks."""
         count = self.picture.checks if self.picture else 0
         if count == 0:
             return "" if self.statements else "no checks in its section of "
@@ -62,7 +66,11 @@ class Card:
 
 
 def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[str, Sequence[Judged]]) -> list[Card]:
-    """One card for each picture of figures that are rebuilt, in the table's order; one for each figure without."""
+    """Return a card for each picture of rebuilt figures and for each rebuilt figure without a picture.
+
+    ``figures`` are the rows of the README's table, which give the order; ``statements`` are paper A's statements by
+    figure.
+    """
     made: list[Card] = []
     by_stem = {page.stem: page for page in pages}
     for figure in figures:
@@ -80,9 +88,10 @@ def cards(figures: Sequence[Figure], pages: Sequence[Page], statements: Mapping[
 def write_index(
     pages: Sequence[Page], figures: Sequence[Figure], statements: Mapping[str, Sequence[Judged]], report: Path
 ) -> Path:
-    """Write ``index.html``; ``pages`` may hold notebooks that have not run.
+    """Write ``index.html`` into the folder ``report`` and return its path.
 
-    The library's reference is linked if it lies beside it, in ``reference``.
+    ``pages`` may contain notebooks that have not run. The index has a link to the library's reference if the folder
+    ``report/reference`` exists.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     template = environment.from_string(_TEMPLATE.read_text(encoding="utf-8"))
@@ -97,7 +106,7 @@ def write_index(
         )
     page = template.render(
         progress=_progress(pages), drawn=_drawn(figures, pages), made=made_by(), pages=pages, sections=sections,
-        reference=(report / "reference" / "index.html").exists(),  # make reference
+        reference=(report / "reference" / "index.html").exists(),  # made by: make reference
     )  # fmt: skip
     write(report / "index.html", page)
     return report / "index.html"
@@ -128,7 +137,7 @@ def _drawn(figures: Sequence[Figure], pages: Sequence[Page]) -> str:
 
 
 def made_by() -> dict[str, str]:
-    """When and on what the report was made: date, commit, machine, system, packages."""
+    """Return date, commit, machine, system and versions of the packages with which the report was made."""
     machine = provenance.machine()
     versions = {"Python": platform.python_version(), "hexakin": __version__}
     for name in PACKAGES:

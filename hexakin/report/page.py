@@ -1,6 +1,6 @@
 """A notebook as an HTML page that opens without a network.
 
-Formulas are MathML, which browsers draw themselves: nbconvert's own pages leave them to MathJax, from a server.
+Formulas are MathML, which browsers can draw. The pages of nbconvert would load MathJax from a server for them.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _TEMPLATE = Path(__file__).with_name("page.html")
 
 @dataclass(frozen=True)
 class Page:
-    """A notebook and what came of it.
+    """A notebook and the result of its run.
 
-    ``written`` says whether its page is there; ``seconds`` is None of a notebook that was not run, ``error`` empty of
-    one that did not fail; ``checks`` counts those that passed, ``pictures`` are those of the papers' figures.
+    ``written`` is whether its page exists; ``seconds`` [s] is None if the notebook was not run; ``error`` is empty if
+    it did not fail; ``checks`` is the number of checks that passed; ``pictures`` show figures of the papers.
     """
 
     stem: str
@@ -45,7 +45,7 @@ class Page:
 
     @property
     def result(self) -> str:
-        """What came of it, in a few words."""
+        """The result in a few words."""
         if self.error:
             return self.error
         if not self.written:
@@ -54,13 +54,13 @@ class Page:
 
 
 def title_of(notebook: Any, stem: str) -> str:
-    """First heading of a notebook (an ``nbformat`` node), or its file's ``stem``."""
+    """Return the first heading of a notebook (an ``nbformat`` node), or the ``stem`` of its file if there is none."""
     lines = [line for cell in notebook.cells if cell.cell_type == "markdown" for line in cell.source.splitlines()]
     return next((line.removeprefix("# ") for line in lines if line.startswith("# ")), stem)
 
 
 def write_page(notebook: Any, page: Page, report: Path) -> None:
-    """Write a notebook's page, and the files of its pictures that the index shows."""
+    """Write the page of a notebook and the picture files for the index into the folder ``report``."""
     exporter = nbconvert.HTMLExporter(
         raw_template=_TEMPLATE.read_text(encoding="utf-8"),
         filters={
@@ -68,7 +68,7 @@ def write_page(notebook: Any, page: Page, report: Path) -> None:
             "mathml": lambda source: mathml(source, "block"),
         },
     )
-    # Widgets in a page need a script from the net; without their state the page shows their pictures.
+    # Widgets in a page need a script from a server. Without the state of the widgets, the page shows their pictures.
     kept = {name: value for name, value in notebook.metadata.items() if name != "widgets"}
     notebook = nbformat.from_dict({**notebook, "metadata": kept})
     took = "" if page.seconds is None else f", {page.seconds:.0f} s"
@@ -81,34 +81,37 @@ def write_page(notebook: Any, page: Page, report: Path) -> None:
 
 
 def picture_file(picture: Picture) -> str:
-    """Path of a picture in the report's folder."""
+    """Return the path of a picture's file, relative to the folder of the report."""
     return f"pictures/{picture.anchor}.png"
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file; if this fails, a file that was there before stays as it was."""
     temporary = path.with_name(path.name + ".part")
     temporary.write_bytes(content.encode() if isinstance(content, str) else content)
     os.replace(temporary, path)
 
 
 def now() -> str:
-    """Date and time, such as ``"2026-01-31 12:00 UTC"``."""
+    """Return date and time, such as ``"2026-01-31 12:00 UTC"``."""
     return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def mathml(latex: str, display: str = "inline") -> str:
-    """LaTeX as MathML, or the LaTeX itself, marked as such, where it cannot be read."""
+    """Return a LaTeX formula as MathML, or as marked LaTeX code if it cannot be converted.
+
+    ``display`` is "inline" or "block".
+    """
     source = latex.strip().strip("$")
     with suppress(Exception):  # latex2mathml's errors have no common base
         made = latex2mathml.converter.convert(source, display=display)
-        if "\\" not in made:  # it leaves a command that it does not know as it stands
+        if "\\" not in made:  # the converter leaves unknown commands unchanged
             return made
     return f'<code class="latex">{escape(source)}</code>'
 
 
 class _Renderer(IPythonRenderer):
-    """nbconvert's, with formulas as MathML."""
+    """The renderer of nbconvert, with formulas as MathML."""
 
     def inline_math(self, body: str) -> str:
         return mathml(body)

@@ -2,11 +2,11 @@
 
     python tests/benchmarks [--quick] [--only NAME ...] [--folder FOLDER]
 
-``make benchmarks`` installs what hexakin is compared with (``peers.txt``) and runs it on everything. The answers are
-compared first, then the times are taken in turn, and ``speed.csv`` (the rows of ``comparison.Row``) and ``speed.json``
-(when, where and with which versions) go into ``data/results``, whole or not at all. What is not installed is said, and
-its rows are left out. ``--quick`` repeats little, and the results say so. With ``--only``, nothing is written
-unless a ``--folder`` is named.
+``make benchmarks`` installs the libraries that hexakin is compared with (``peers.txt``) and runs all benchmarks.
+Results are compared first, then times are measured in turn. The files ``speed.csv`` (the rows of ``comparison.Row``)
+and ``speed.json`` (date, machine and versions) are written into ``data/results`` at the end. Libraries that are not
+installed are listed, and their rows are missing. With ``--quick`` there are few repetitions, which is noted in
+``speed.json``. With ``--only``, files are written only if a ``--folder`` is given.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def main() -> None:
-    """Run the benchmarks that were asked for and write or print their rows."""
+    """Run the chosen benchmarks, print their rows and write the files."""
     options = argparse.ArgumentParser(prog="python tests/benchmarks", description=__doc__.split("\n")[0])
     options.add_argument("--only", nargs="+", choices=BENCHMARKS, metavar="NAME", help=", ".join(BENCHMARKS))
     options.add_argument("--quick", action="store_true", help="few repetitions")
@@ -52,7 +52,7 @@ def main() -> None:
     about = conditions(chosen, given.quick)
     for name in about["left_out"]:
         print(f"left out: {name} is not installed")
-    # What a peer warns of is its own affair; hexakin's warnings are errors in its tests.
+    # Warnings of other libraries are hidden; hexakin's own warnings are errors in its tests.
     warnings.simplefilter("ignore")
     rows: list[Row] = []
     for name in chosen:
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def conditions(chosen: list[str], quick: bool) -> dict:
-    """When, where and with what; the load is that before the first benchmark."""
+    """Return date, machine, load before the first benchmark, versions, and libraries that are not installed."""
     versions = {"python": platform.python_version(), "hexakin": __version__}
     missing = []
     for name in (*PACKAGES, *PEERS):
@@ -89,7 +89,7 @@ def conditions(chosen: list[str], quick: bool) -> dict:
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "machine": machine() | {"cpu": processor(), "compiler": compiler},
         "load_average": load,
-        # The run itself has not begun: an idle machine has next to nothing to do in the minute before.
+        # The benchmarks have not started yet, so that an idle machine has a load near 0.
         "loaded": None if load is None else load[0] > 0.2 * (os.cpu_count() or 1),
         "versions": versions,
         "left_out": missing,
@@ -97,7 +97,7 @@ def conditions(chosen: list[str], quick: bool) -> dict:
 
 
 def processor() -> str:
-    """Name of the processor, as far as the system tells."""
+    """Return the name of the processor, if the system gives it."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):
@@ -109,7 +109,7 @@ def processor() -> str:
 
 
 def written(folder: Path, rows: list[Row], about: dict) -> None:
-    """Write both files; the second names the first by its digest, so that they cannot be taken from two runs."""
+    """Write both files. The second contains the digest of the first, so that files of two runs cannot be mixed."""
     folder.mkdir(parents=True, exist_ok=True)
     text = table(rows).encode()
     about = about | {"rows": len(rows), "sha256": hashlib.sha256(text).hexdigest()}

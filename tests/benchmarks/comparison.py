@@ -1,7 +1,7 @@
-"""How two pieces of code are compared: in turn, in one run, by the ratio of times that were taken side by side.
+"""Comparison of two pieces of code: both run in turn, and each ratio is that of two times measured one after the other.
 
-A machine's speed drifts, and other work slows it; both hit the two times of a pair alike and cancel in their ratio.
-A row gives the median of the paired ratios with their range, and the medians of the times themselves.
+The speed of a machine changes with time and with other work. Both times of a pair change by the same factor, which
+cancels in their ratio. A row contains the median and the range of these ratios, and the medians of the times.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 Timing = Callable[[], float]
-"""Runs something and returns the seconds that it took."""
+"""Function that runs some code and returns the time it took [s]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Row:
-    """One code beside another, doing the same work.
+    """The times of one code and of another code that does the same work.
 
-    ``seconds`` and ``seconds_against`` are medians for the whole ``size``, ``per_unit`` and ``per_unit_against`` those
-    for one ``unit``, all [s]. A slow code is timed on less than ``size``, on ``timed``, and its time is scaled.
-    ``ratio`` is the median of code over against in pairs of neighbouring runs, ``ratio_low`` and ``ratio_high`` the
-    least and the largest. ``bar`` is what the ratio should not exceed, if that was said beforehand. ``clock`` is
-    "thread", the processor's time of the thread, or "wall". ``agreed`` is the share of the other code's answers that
-    were found to agree before they were timed: 1, but for searches that may fail.
+    ``seconds`` and ``seconds_against`` are medians for the whole ``size``, ``per_unit`` and ``per_unit_against`` for
+    one ``unit``, all [s]. A slow code is timed for the smaller size ``timed``, and its time is scaled to ``size``.
+    ``ratio`` is the median of the ratios time of ``code`` / time of ``against`` in pairs of consecutive runs;
+    ``ratio_low`` and ``ratio_high`` are the smallest and the largest ratio. ``bar`` is the largest acceptable ratio, if
+    one was set before the measurement. ``clock`` is "thread" (processor time of the thread) or "wall". ``agreed`` is
+    the share of results of ``against`` that agreed in the comparison before: 1, except for searches that may fail.
     """
 
     benchmark: str
@@ -52,7 +52,7 @@ class Row:
     agreed: float
 
     def met(self) -> bool | None:
-        """Whether the bar is met; None without a bar."""
+        """Return whether the bar is met; None without a bar."""
         return None if self.bar is None else self.ratio <= self.bar
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class Row:
 
 
 def timed(work: Callable[[], object], at_least: float = 0.0, clock: Callable[[], float] = time.thread_time) -> Timing:
-    """Time a call: the mean of as many in a row as take ``at_least`` [s], the number found when it is first timed."""
+    """Return a timing of a call: the mean over as many calls as take ``at_least`` [s], a number found at first use."""
     calls = 1
 
     def timing() -> float:
@@ -75,7 +75,7 @@ def timed(work: Callable[[], object], at_least: float = 0.0, clock: Callable[[],
             for _ in range(calls):
                 work()
             taken = clock() - start
-            if taken >= 0.5 * at_least:  # a number once found is kept, unless a run is far too short
+            if taken >= 0.5 * at_least:  # the number of calls is kept, unless a run is much too short
                 return taken / calls
             calls = max(2 * calls, min(100 * calls, int(calls * at_least / max(taken, 1e-9))))
 
@@ -83,7 +83,7 @@ def timed(work: Callable[[], object], at_least: float = 0.0, clock: Callable[[],
 
 
 def interleaved(timings: Mapping[str, Timing], repetitions: int) -> dict[str, list[float]]:
-    """Run the timings in turn, again and again; the first round only warms up."""
+    """Run all timings in turn, ``repetitions`` times, after one round that does not count."""
     times: dict[str, list[float]] = {name: [] for name in timings}
     for repetition in range(repetitions + 1):
         for name, timing in timings.items():
@@ -94,7 +94,7 @@ def interleaved(timings: Mapping[str, Timing], repetitions: int) -> dict[str, li
 
 
 def paired_ratio(times: Sequence[float], times_against: Sequence[float]) -> tuple[float, float, float]:
-    """Median, least and largest ratio of the times that were taken side by side."""
+    """Return the median, smallest and largest ratio of times measured one after the other."""
     ratios = [a / b for a, b in zip(times, times_against, strict=True)]
     return statistics.median(ratios), min(ratios), max(ratios)
 
@@ -111,10 +111,10 @@ def compared(
     clock: str = "thread",
     agreed: Mapping[str, float] | None = None,
 ) -> list[Row]:
-    """One row for each of the ``pairs`` (code, against), with its bar, from ``times`` [s] by code.
+    """Return one row for each of the ``pairs`` (code, against), whose values are the bars, from ``times`` [s] by code.
 
-    ``units`` are in ``size`` (as many, unless said). ``timed`` gives the codes that were timed on less than ``size``,
-    ``agreed`` those of whose answers not all agree.
+    ``units`` is the number of units in ``size``; None means ``size``. ``timed`` has the sizes of the codes that were
+    timed for less than ``size``, ``agreed`` the shares of the codes whose results do not all agree.
     """
     units = size if units is None else units
     timed = {code: size for code in times} | dict(timed or {})
@@ -124,14 +124,20 @@ def compared(
         middle = [statistics.median(whole[name]) for name in (code, against)]
         ratios = paired_ratio(whole[code], whole[against])
         rows.append(
-            Row(benchmark, size, code, against, unit, *middle, *(value / units for value in middle), *ratios, bar,
-                len(whole[code]), timed[code], timed[against], clock, (agreed or {}).get(against, 1.0))
+            Row(
+                benchmark=benchmark, size=size, code=code, against=against, unit=unit,
+                seconds=middle[0], seconds_against=middle[1],
+                per_unit=middle[0] / units, per_unit_against=middle[1] / units,
+                ratio=ratios[0], ratio_low=ratios[1], ratio_high=ratios[2], bar=bar,
+                repetitions=len(whole[code]), timed=timed[code], timed_against=timed[against], clock=clock,
+                agreed=(agreed or {}).get(against, 1.0),
+            )
         )  # fmt: skip
     return rows
 
 
 def installed(*modules: str) -> bool:
-    """Whether the packages are there; says which is not."""
+    """Return whether all packages are installed, and print those that are not."""
     missing = [name for name in modules if importlib.util.find_spec(name) is None]
     for name in missing:
         print(f"left out: {name} is not installed", file=sys.stderr)
@@ -139,7 +145,7 @@ def installed(*modules: str) -> bool:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Rows as comma-separated text; six digits of a time are more than it has."""
+    """Return the rows as comma-separated text, with six digits, more than the accuracy of a time."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(field.name for field in dataclasses.fields(Row))
@@ -150,7 +156,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def alone(measure: Callable[[bool], Sequence[Row]]) -> None:
-    """Run one benchmark by itself and print its rows; with ``--quick`` with few repetitions."""
+    """Run one benchmark and print its rows; ``--quick`` makes few repetitions."""
     for row in measure("--quick" in sys.argv[1:]):
         print(row)
 

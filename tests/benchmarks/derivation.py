@@ -1,10 +1,10 @@
-"""Derive ATHENA's forward kinematics, Jacobian and inverse, beside multiplying the table out and ``sympy.simplify``.
+"""Time the derivation of ATHENA's forward kinematics, Jacobian and inverse, and that by ``sympy.simplify``.
 
     python tests/benchmarks/derivation.py [--quick]
 
-The other route ends with the foot in the first joint's frame, from which the three angles would still have to be read
-by hand; hexakin's ends with the angles. sympy's cache is emptied before each. Numeric values of both are compared
-first.
+The second derivation multiplies the matrices of the leg table and simplifies them. It ends with the foot in the frame
+of the first joint; the three angles would still have to be derived by hand. hexakin's derivation ends with the angles.
+The cache of sympy is cleared before each. Numeric values of both are compared first.
 """
 
 import numpy as np
@@ -17,14 +17,14 @@ athena = hk.load_robot("athena")
 
 
 def derived():
-    """hexakin's derivation."""
+    """Derive with hexakin."""
     sp.core.cache.clear_cache()
     leg = hk.symbolic.derive(athena.table)
     return leg, leg.forward, leg.jacobian, leg.inverse
 
 
 def simplified():
-    """The table's matrices multiplied and simplified."""
+    """Multiply the matrices of the leg table and simplify them."""
     sp.core.cache.clear_cache()
     leg = hk.symbolic.derive(athena.table)
     rows = [leg.transform(k, k + 1) for k in range(4)]
@@ -34,7 +34,7 @@ def simplified():
 
 
 def measure(quick=False):
-    """One row."""
+    """Return one row."""
     (_, forward, jacobian, _), (_, pose, other, _) = derived(), simplified()
     symbols = sorted(pose.free_symbols, key=str)
     values = dict(zip(symbols, np.random.default_rng(5).uniform(0.1, 1.0, len(symbols)), strict=True))

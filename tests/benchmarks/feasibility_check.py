@@ -1,10 +1,10 @@
-"""Time the check of a long walk at once, beside the same check instant by instant.
+"""Time the feasibility check of a long walk in one call, and the same check with one call per instant.
 
     python tests/benchmarks/feasibility_check.py [--quick]
 
-The walk is paper B's, on a ramp; each check has all constraints, the force distribution (friction cones as pyramids of
-16 sides) included. Set-up (the leg functions, the solvers) is made before. One by one, each call has two instants: a
-joint's speed needs the one before. The answers are compared first.
+The walk is paper B's, on a ramp. Each check has all constraints, with the force distribution (friction cones as
+pyramids with 16 sides). Leg functions and solvers are set up before. With one call per instant, each call has two
+instants, because the speed of a joint needs the instant before. The results are compared first.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ INSTANTS = 1000
 
 
 def measure(quick=False):
-    """One row."""
+    """Return one row."""
     robot, ramp = hk.load_robot("hwr"), hk.terrain.Ramp(heading=0.0)
     plan = hk.plan_walk(robot, ramp, num_steps=INSTANTS // 40, step_length=0.05, samples_per_step=40)
     motion = cut(motion_of(plan), slice(0, INSTANTS))
@@ -41,7 +41,7 @@ def measure(quick=False):
 
 
 def cut(motion, span):
-    """Part of a motion."""
+    """Return the part of a motion in a slice of instants."""
     arrays = {f.name: getattr(motion, f.name) for f in dataclasses.fields(motion)}
     return dataclasses.replace(motion, **{n: a[span] for n, a in arrays.items() if isinstance(a, np.ndarray)})
 

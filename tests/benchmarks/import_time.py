@@ -1,7 +1,7 @@
 """Time ``import hexakin`` against ``import numpy``, each in a fresh interpreter and measured inside it.
 
-hexakin loads everything when it is first used, NumPy included: its import alone is not what a program pays, and the
-second row has what was put off.
+hexakin loads all packages when they are first used, NumPy too. A program needs more than the time of the import, so
+that a second row also contains the time of a first use.
 
     python tests/benchmarks/import_time.py [--quick]
 """
@@ -23,12 +23,12 @@ CODE = {
 
 
 def seconds(code):
-    """Time [s] of some code in a fresh interpreter."""
+    """Return the time [s] of some code in a fresh interpreter."""
     return float(subprocess.run([sys.executable, "-c", SCRIPT.format(code)], capture_output=True, check=True).stdout)
 
 
 def measure(quick=False):
-    """Two rows: the import, and all that it has put off when a robot's kinematics have been used once."""
+    """Return two rows: the import, and the import with a first use of a robot's kinematics."""
     times = interleaved({name: functools.partial(seconds, code) for name, code in CODE.items()}, 5 if quick else 25)
     return compared("import", 1, "import", times, {(OURS, NUMPY): 0.35, (FIRST_USE, NUMPY): None}, clock="wall")
 

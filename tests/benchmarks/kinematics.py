@@ -1,13 +1,13 @@
-"""Forward and inverse kinematics and Jacobians of ATHENA's six legs, beside NumPy and libraries.
+"""Time forward and inverse kinematics and Jacobians of ATHENA's six legs, by hexakin, NumPy and other libraries.
 
     python tests/benchmarks/kinematics.py [--quick]
 
-Sizes from a single pose to a million. Each library's answer is compared with hexakin's before it is timed; one that is
-slow, or knows no batches, is timed on fewer poses. hexakin's times include what its calls always do: shape and finite
-numbers are checked, the inverse flags reach and limits. The textbook's inverse computes the same flags; the libraries
-check nothing. Every call returns new arrays; whether their pages must be asked of the system first depends on what the
-process did before, for all codes alike, and weighs most at a thousand poses. Times are the thread's own, so that what
-else runs does not count; caches are shared all the same.
+Sizes go from one pose to a million. The results of each library are compared with hexakin's before it is timed. A
+library that is slow or has no batches is timed for fewer poses. hexakin's times include the checks of shape and finite
+numbers, and the flags for reach and limits of the inverse. The textbook's inverse computes the same flags; the
+libraries check nothing. Every call returns new arrays. The time to get their memory from the system depends on what
+the process did before. This affects all codes, mostly at a thousand poses. Times are those of the thread, so that other
+processes do not count, although they use the same caches.
 """
 
 import subprocess
@@ -33,13 +33,13 @@ BATCH_BARS = {
 }
 TEXTBOOK = "textbook NumPy"
 COMPILE = "import hexakin as hk; from hexakin.kinematics.evaluation import prepare; prepare(hk.load_robot('athena'))"
-SPAN = 0.02  # [s] that a timing takes at least, of many calls if one is short: caches are warm, as in a loop
-TOLERANCE, SEARCHED = 1e-10, 1e-6  # [m], [m/rad] of formulas; [m] of the foot that a search ends at
+SPAN = 0.02  # [s], shortest timing; a short call is repeated, so that caches are warm as in a loop
+TOLERANCE, SEARCHED = 1e-10, 1e-6  # formulas: [m], [m/rad]; searches: [m] at the foot
 
 
 def measure(quick=False):
-    """Rows of all functions and sizes."""
-    # In the process that compiles it, the inverse runs at less than half of the speed that it has from then on.
+    """Return the rows of all functions and sizes."""
+    # Compile in another process: in the process that compiles it, the inverse has less than half of its later speed.
     subprocess.run([sys.executable, "-c", COMPILE], check=True)
     evaluation.prepare(athena)
     check(600 if quick else 100_000)
@@ -56,7 +56,7 @@ def measure(quick=False):
 
 
 def of_function(function, given, libraries, repetitions):
-    """Rows of one function and size: each of hexakin's codes beside everything else."""
+    """Return the rows of one function and size: each of hexakin's codes compared with all others."""
     size = len(given)
     ours = {ONE: own(function)} if size == 1 else {COMPILED: own(function), NUMPY: apart(function)}
     agree(function, given, peers.Code(function, TEXTBOOK, by_textbook(function), most=100_000))
@@ -74,20 +74,20 @@ def of_function(function, given, libraries, repetitions):
 
 
 def bar(function, size, name, other):
-    """What was set out to be reached, for the few pairs for which that was said."""
+    """Return the bar of a pair, None for pairs without one."""
     if other == TEXTBOOK and size > 1:
         return BATCH_BARS.get((function, name))
     return 0.08 if (function, size, other) == ("forward", 1, "Robotics Toolbox, fkine") else None
 
 
 def own(function):
-    """hexakin's function, of one pose without the batch's axis."""
+    """Return hexakin's function; for one pose it is called without the axis of a batch."""
     call = {"forward": hk.forward_kinematics, "jacobian": hk.jacobian, "inverse": hk.inverse_kinematics}[function]
     return lambda values: call(athena, values[0] if len(values) == 1 else values)
 
 
 def apart(function):
-    """The same without compiled loops."""
+    """Return the same function without compiled loops."""
     call = own(function)
 
     def without(values):
@@ -98,7 +98,7 @@ def apart(function):
 
 
 def by_textbook(function):
-    """Return the textbook's function, the inverse with its flags."""
+    """Return the textbook's function; the inverse also returns flags."""
     p = athena.parameters
     if function == "inverse":
         return lambda feet: textbook.inverse(p, feet, athena.q_min, athena.q_max)
@@ -106,7 +106,7 @@ def by_textbook(function):
 
 
 def agree(function, given, code):
-    """Compare a library's answer with hexakin's and return the share that agrees: values, or the feet of the angles."""
+    """Compare a library's results with hexakin's and return the share that agrees; of angles, the feet are compared."""
     part = given[: code.most]
     found, right = code.call(part), own(function)(part)
     if function == "inverse":

@@ -1,8 +1,8 @@
-"""Kinematics of ATHENA's legs by the libraries that one would install for it, each in its fastest documented way.
+"""Kinematics of ATHENA's legs by other libraries, each in its fastest documented way.
 
 A ``Code`` maps an array (n, 6, 3) to another: angles [rad] to feet [m] or Jacobians (n, 6, 3, 3) [m/rad], or feet to
-angles. A library without batches is called in a loop, into an array made beforehand, which is part of the measurement
-as it is part of its use. Pinocchio and CasADi have no inverse, and ikpy no Jacobian.
+angles. A library without batches is called in a loop that fills an array. The loop is part of the measured time,
+because users need it too. Pinocchio and CasADi have no inverse, and ikpy has no Jacobian.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from comparison import installed
 from hexakin.robot.urdf import to_urdf
 
 MANY = 1_000_000
-"""Poses that every code with batches is timed on."""
+"""Largest number of poses; all codes with batches are timed for it."""
 
 
 @dataclass(frozen=True)
 class Code:
-    """One function of a library; ``most`` poses are timed, more are scaled from these.
+    """One function of a library, timed for at most ``most`` poses; times for more poses are scaled.
 
-    A ``search`` for angles may end elsewhere than at the foot.
+    ``search`` is whether the function searches for angles, and may end away from the foot.
     """
 
     function: str
@@ -39,7 +39,7 @@ class Code:
 
 
 def codes(robot) -> list[Code]:
-    """Whatever is installed."""
+    """Return the codes of all libraries that are installed."""
     found: list[Code] = []
     for packages, make in (
         (("roboticstoolbox",), toolbox),
@@ -53,7 +53,7 @@ def codes(robot) -> list[Code]:
 
 
 def looped(one: Callable[[int, np.ndarray], object], shape: tuple[int, ...]) -> Callable[[np.ndarray], np.ndarray]:
-    """Call ``one(leg, values)`` for every leg of every pose."""
+    """Return a function that calls ``one(leg, values)`` for every leg of every pose."""
 
     def call(values: np.ndarray) -> np.ndarray:
         result = np.empty(values.shape[:2] + shape)
@@ -66,10 +66,11 @@ def looped(one: Callable[[int, np.ndarray], object], shape: tuple[int, ...]) -> 
 
 
 def toolbox(robot) -> Iterator[Code]:
-    """Elementary transforms (ETS), whose evaluation is compiled: ``fkine`` gives an SE3, ``eval`` bare matrices.
+    """Yield the functions of elementary transforms (ETS), which are compiled.
 
-    ``ik_LM`` is its compiled Levenberg-Marquardt search. It starts from the standing pose, for positions only, and
-    its tolerance is set so that the foot is met to a nanometre; as it comes, it is met to a millimetre.
+    ``fkine`` returns an SE3, ``eval`` matrices. ``ik_LM`` is the compiled Levenberg-Marquardt search. It starts from
+    the standing pose and is used for positions only. Its tolerance is set for an error of a nanometre at the foot; with
+    the default the error is a millimetre.
     """
     from roboticstoolbox import ET
 
@@ -97,7 +98,7 @@ def toolbox(robot) -> Iterator[Code]:
 
 
 def ikpy(robot) -> Iterator[Code]:
-    """Chains read from the robot's URDF; the inverse is scipy's least squares, from the standing pose."""
+    """Yield the functions of chains from the URDF; the inverse is scipy's least squares from the standing pose."""
     from ikpy.chain import Chain
 
     first, second, third = robot.table.joints
@@ -122,7 +123,7 @@ def ikpy(robot) -> Iterator[Code]:
 
 
 def pinocchio(robot) -> Iterator[Code]:
-    """The URDF as one model: a call per pose solves all legs, and six more read the feet or their Jacobians."""
+    """Yield the functions of one model from the URDF; each pose needs one call for all legs and one for each foot."""
     import pinocchio as pin
 
     model = pin.buildModelFromXML(to_urdf(robot))
@@ -155,9 +156,9 @@ def pinocchio(robot) -> Iterator[Code]:
 
 
 def casadi(robot) -> Iterator[Code]:
-    """A(12) and its derivative as CasADi functions of all legs, mapped over the poses, on NumPy's own memory.
+    """Yield A(12) and its derivative as CasADi functions of all legs, mapped over the poses, on NumPy's memory.
 
-    Once by CasADi's virtual machine, and once as the C code that it writes, compiled for this machine.
+    Both run on CasADi's virtual machine, and as C code that CasADi writes and that is compiled for this machine.
     """
     import casadi as ca
 
@@ -182,7 +183,7 @@ def casadi(robot) -> Iterator[Code]:
 
 
 def mapped(function, shape: tuple[int, ...]) -> Callable[[np.ndarray], np.ndarray]:
-    """Apply a CasADi function to every pose by its map, without conversions to CasADi's matrices."""
+    """Return a function that maps a CasADi function over all poses, without conversion to CasADi's matrices."""
 
     @functools.cache
     def prepared(count: int):
@@ -201,7 +202,7 @@ def mapped(function, shape: tuple[int, ...]) -> Callable[[np.ndarray], np.ndarra
 
 
 def compiled(function):
-    """Return the function from C code that CasADi writes, compiled with ``cc -O3 -march=native``."""
+    """Return the function as C code that CasADi writes, compiled with ``cc -O3 -march=native``."""
     import casadi as ca
 
     folder = Path(tempfile.mkdtemp(prefix="casadi_"))

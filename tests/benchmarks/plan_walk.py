@@ -1,9 +1,9 @@
-"""Time ``plan_walk`` (7 steps, 6 legs, 100 samples a step) beside a plain loop over samples and legs.
+"""Time ``plan_walk`` (7 steps, 6 legs, 100 samples per step) and a plain loop over samples and legs.
 
     python tests/benchmarks/plan_walk.py [--quick]
 
-The loop is what one would write without arrays: for each sample and leg a cycloid point, a change of frame and the
-paper's inverse formulas in plain ``math``, for flat ground only and without checks. Both must agree first.
+The loop uses no arrays: for each sample and leg it computes a point of a cycloid, a change of frame and the paper's
+inverse formulas with ``math``, for flat ground only and without checks. The results of both are compared first.
 """
 
 import math
@@ -17,7 +17,7 @@ NUM_STEPS, STEP, SAMPLES = 7, 0.05, 100
 
 
 def loop(robot, footholds, height):
-    """Joint angles (n, 6, 3) on flat ground, one number at a time; angles as in B(12)-(13)."""
+    """Return joint angles (n, 6, 3) [rad] on flat ground, computed one number at a time, as in B(12)-(13)."""
     _, _, r_1, l_2, l_3 = (float(value) for value in robot.parameters[0])
     mounts = robot.parameters[:, :2].tolist()
     q = []
@@ -49,7 +49,7 @@ def loop(robot, footholds, height):
 
 
 def measure(quick=False):
-    """One row."""
+    """Return one row."""
     robot = hk.load_robot("hwr")
 
     def planned():

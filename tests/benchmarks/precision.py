@@ -1,9 +1,9 @@
-"""How exact ATHENA's kinematics are: forward against 50 digits, the inverse by its residual. No times.
+"""Precision of ATHENA's kinematics: the forward kinematics against 50 digits, the inverse by its residual.
 
     python tests/benchmarks/precision.py [leg poses]
 
-All three codes are checked (one pose at a time, NumPy, compiled loops). What the inverse says of reach and limits is
-tested in ``tests/test_evaluation.py``, with fewer poses.
+All three codes are checked (one pose at a time, NumPy, compiled loops). The flags for reach and limits of the inverse
+are tested in ``tests/test_evaluation.py``, with fewer poses. Nothing is timed here.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ FORWARD_ULP, INVERSE_RESIDUAL = 4.0, 1e-14  # units in the last place of LENGTH;
 
 @contextlib.contextmanager
 def without_numba():
-    """Keep the compiled loops away."""
+    """Switch the compiled loops off."""
     loops, evaluation._loops = evaluation._loops, lambda *_: None
     try:
         yield
@@ -31,7 +31,7 @@ def without_numba():
 
 
 def forward_errors(rng, count):
-    """Largest error of each code in units in the last place of the leg's length, over ``count`` poses of six legs."""
+    """Return the largest error of each code in ``count`` poses, in units in the last place of the leg's length."""
     q = rng.uniform(-np.pi, np.pi, (count, 6, 3))
     with without_numba():
         arrays = hk.forward_kinematics(athena, q)
@@ -55,7 +55,7 @@ def forward_errors(rng, count):
 
 
 def inverse_residuals(rng, count):
-    """Largest distance [m] between a foot and that of its angles, by code and branch."""
+    """Return by code and branch the largest distance [m] between a foot and the foot of its angles."""
     target = hk.forward_kinematics(athena, rng.uniform(athena.q_min, athena.q_max, (count, 6, 3)))
     residuals = {}
     for name, context in (("compiled", contextlib.nullcontext), ("arrays", without_numba)):
@@ -69,7 +69,7 @@ def inverse_residuals(rng, count):
 
 
 def check(leg_poses=100_000):
-    """Print the errors; AssertionError if one is too large."""
+    """Print the errors; raise AssertionError if one is too large."""
     rng = np.random.default_rng(5)
     evaluation.prepare(athena)
     count = leg_poses // 6 + 1

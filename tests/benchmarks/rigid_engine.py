@@ -1,14 +1,13 @@
-"""Time per step of engine "rigid" as ratios to PyBullet and MuJoCo, in one interleaved run.
+"""Time a step of engine "rigid", PyBullet and MuJoCo, in turn in one run.
 
     python tests/benchmarks/rigid_engine.py [--quick]
 
-All three replay the same joint commands of ATHENA's walk at steps of 1 ms, on the level and on blocks; MuJoCo has a
-position servo with the same rate, torque limit and friction, from the same URDF. The closed loop is
-``hexakin.simulate``, controller, sensors and recording included. Engine "pybullet" is
-hexakin's, which asks PyBullet for the contacts and rates of every step, as the sensors' means need them;
-rigid has the same means from its own loop. "pybullet, no sensors" only steps, and so does MuJoCo.
-Engines with different contact laws do not walk to the same millimetre: that the
-three bodies stay within a few centimetres of each other is checked first.
+All three run the same joint commands of ATHENA's walk at steps of 1 ms, on level ground and on blocks. MuJoCo has the
+same URDF, and position servos with the same rate, torque limit and friction. The closed loop is ``hexakin.simulate``,
+with controller, sensors and recording. Engine "pybullet" is hexakin's: it reads contacts and rates from PyBullet in
+every step, because the sensors need their means. Engine "rigid" computes the same means. "pybullet, no sensors" and
+MuJoCo only make steps. Engines with different contact laws do not walk equally far: it is checked first that the bodies
+stay within a few centimetres of each other.
 """
 
 import functools
@@ -28,7 +27,7 @@ from hexakin.simulation.closed_loop import starting_pose
 
 SECONDS, STEPS_PER_TICK = 4.0, 50
 BARE = "pybullet, no sensors"
-APART = 0.05  # [m] between the bodies of two engines
+APART = 0.05  # [m], largest distance between the bodies of two engines
 
 athena = hk.load_robot("athena")
 
@@ -41,7 +40,7 @@ class MuJoCo:
 
         self.mujoco = mujoco
         root = ET.fromstring(to_urdf(robot))
-        # Keep the torso as a body of its own and give its mass and inertia as they are.
+        # Keep the torso as a separate body, with its own mass and inertia.
         extension = ET.SubElement(root, "mujoco")
         ET.SubElement(extension, "compiler", fusestatic="false", discardvisual="true", balanceinertia="true")
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
@@ -49,7 +48,7 @@ class MuJoCo:
         torso = spec.body("torso")
         torso.add_freejoint()
         for geom in spec.geoms:
-            # Feet and limbs meet the ground, not each other.
+            # Feet and limbs collide with the ground, not with each other.
             geom.friction[0], geom.contype, geom.conaffinity = 0.9, 1, 0
         for shape in terrain.shapes():
             if isinstance(shape, hk.terrain.Box):
@@ -65,7 +64,7 @@ class MuJoCo:
                 )  # fmt: skip
         names = [f"{joint}_{leg + 1}" for leg in range(robot.num_legs) for joint in robot.table.joints]
         for name in names:
-            # The armature that light links need here; stiffness and damping make a servo of the robot's rate.
+            # Light links need an armature here. Stiffness and damping give the servo the robot's rate.
             spec.joint(name).armature = 0.01
             servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
             damping = 2.0
@@ -96,7 +95,7 @@ class MuJoCo:
 
 
 class BarePyBullet:
-    """hexakin's PyBullet engine without its sensors: commands and steps only, and the pose after each tick."""
+    """hexakin's PyBullet engine without sensors: only commands, steps, and the pose after each tick."""
 
     def __init__(self, robot, terrain):
         self.engine = engine_class("pybullet")(robot, terrain)
@@ -122,7 +121,7 @@ class BarePyBullet:
 
 
 def replay(make, terrain, commands):
-    """Thread's time per step [s] of replaying ``commands`` after a settled start, and the body's path (n, 3)."""
+    """Run ``commands`` after settling; return the thread's time per step [s] and the path of the body (n, 3) [m]."""
     engine = make(athena, terrain)
     q = athena.standing_q
     engine.place(starting_pose(athena, terrain, q), q)
@@ -141,7 +140,7 @@ def walk(name, terrain):
 
 
 def start_up():
-    """Seconds from a fresh interpreter's first engine to its first step, with the machine code cached."""
+    """Return timings of the first engine and first step in a fresh interpreter, with cached machine code."""
     program = (
         "import time, numpy, hexakin as hk\nfrom hexakin.engines import engine_class\n"
         "r = hk.load_robot('athena'); t = time.perf_counter()\n"
@@ -157,7 +156,7 @@ def start_up():
 
 
 def check(paths):
-    """All robots must have walked alike: contacts differ, so only roughly."""
+    """Check that all robots walked nearly the same path; contact laws differ, so that the paths do too."""
     reference = paths["rigid"]
     for name, path in paths.items():
         apart = np.abs(path - reference).max(axis=0)
@@ -168,7 +167,7 @@ def check(paths):
 
 
 def measure(quick=False):
-    """Rows of a step and of the closed loop on both grounds, and of the start."""
+    """Return the rows of a step and of the closed loop on both terrains, and of the start."""
     repetitions = 2 if quick else 7
     engines = {"rigid": engine_class("rigid"), "pybullet": engine_class("pybullet"), BARE: BarePyBullet}
     if installed("mujoco"):
@@ -182,7 +181,7 @@ def measure(quick=False):
 
 
 def on_ground(title, terrain, share, engines, repetitions):
-    """Rows of one ground; ``share`` is the bar of a step against PyBullet's."""
+    """Return the rows of one terrain; ``share`` is the bar for the ratio of a step to PyBullet's."""
     commands = walk("rigid", terrain).q_command
     steps = len(commands) * STEPS_PER_TICK
     check({name: replay(make, terrain, commands)[1] for name, make in engines.items()})

@@ -2,10 +2,10 @@
 
     python tests/benchmarks/study_workers.py [--quick]
 
-On a machine with two idle cores, else the ratio says little. The runs are paper A's walks on the ramp, engine "rigid".
-Each time is that of the call of ``run`` in a fresh interpreter whose workers are up: a small study before has started
-them, and each has imported hexakin and loaded the compiled code. A second row has the time of the start in it, which
-weighs less in a longer study. The tables must be equal.
+The ratio is useful only on a machine with two idle cores. The runs are paper A's walks on the ramp with engine "rigid".
+The time is that of the call of ``run`` in a fresh interpreter, after a small study has started the workers and each has
+imported hexakin and loaded the compiled code. A second row includes the time of this start, whose share is smaller in a
+longer study. The tables must be equal.
 """
 
 import json
@@ -36,15 +36,15 @@ print(json.dumps([*times, table.drop(columns="wall_time").to_csv()]))
 
 
 def seconds(jobs, cycles, runs):
-    """Times [s] of the start, of a study and of the same call once more, and its table, in a fresh interpreter."""
+    """Return the times [s] of the start, a study and a second call of it, and its table, in a fresh interpreter."""
     with tempfile.TemporaryDirectory() as folder:
         call = [sys.executable, "-c", PROGRAM, folder, *map(str, (jobs, cycles, runs))]
         return tuple(json.loads(subprocess.run(call, stdout=subprocess.PIPE, check=True).stdout))
 
 
 def measure(quick=False):
-    """Two rows."""
-    seconds(1, 1, 1)  # compiles, if that was not done
+    """Return two rows."""
+    seconds(1, 1, 1)  # compiles, if there is no compiled code yet
     found = {jobs: [] for jobs in (1, 2)}
     for _ in range(2 if quick else 5):
         for jobs, made in found.items():

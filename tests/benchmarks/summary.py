@@ -1,8 +1,8 @@
-"""The README's table of ratios, from ``data/results/speed.csv``.
+"""Make the README's table of ratios from ``data/results/speed.csv``.
 
     python tests/benchmarks/summary.py
 
-prints what belongs between the README's two marks; ``tests/test_benchmarks.py`` compares them.
+prints the text between the two marks in the README; ``tests/test_benchmarks.py`` compares both.
 """
 
 import csv
@@ -12,7 +12,7 @@ from pathlib import Path
 RESULTS = Path(__file__).resolve().parents[2] / "data" / "results"
 
 LINES = [
-    # what is said, and the row: benchmark, size, code, against
+    # text in the table, and the row: benchmark, size, code, against
     ("forward kinematics, 10³ poses", "forward", 10**3, "hexakin, compiled", "textbook NumPy"),
     ("forward kinematics, 10⁶ poses", "forward", 10**6, "hexakin, compiled", "textbook NumPy"),
     ("forward, without numba, 10³ poses", "forward", 10**3, "hexakin, NumPy only", "textbook NumPy"),
@@ -40,13 +40,13 @@ NAMES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "simplify": "`sympy.simplif
 
 
 def results(folder=RESULTS):
-    """Rows of the table, as text by column, and what made them."""
+    """Return the rows of the table, as text by column, and the conditions of the run."""
     with open(folder / "speed.csv", encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream)), json.loads((folder / "speed.json").read_text(encoding="utf-8"))
 
 
 def text(rows, about):
-    """Markdown: how the run was, and the table. KeyError if the run left one of the lines out."""
+    """Return the conditions of the run and the table, as Markdown. Raises KeyError if a row of the table is missing."""
     found = {(row["benchmark"], row["code"], row["against"], int(row["size"])): row for row in rows}
     found |= {(benchmark, code, against, None): row for (benchmark, code, against, _), row in found.items()}
     lines = [f"Run of {about['date'][:10]}{caution(about)}", ""]
@@ -56,7 +56,7 @@ def text(rows, about):
         ratio, bar = float(row["ratio"]), float(row["bar"] or "nan")
         verdict = f"{row['bar']} {'met' if ratio <= bar else 'missed'}" if row["bar"] else ""
         shown = f"{ratio:#.2g}"
-        if (float(shown) <= bar) != (ratio <= bar):  # rounded to the other side of its bar
+        if (float(shown) <= bar) != (ratio <= bar):  # rounding would change the verdict
             shown = f"{ratio:#.3g}"
         lines.append(f"| {said} | {NAMES.get(against, against)} | {shown} | {verdict} |")
     bars = [float(row["ratio"]) <= float(row["bar"]) for row in rows if row["bar"]]
@@ -64,7 +64,7 @@ def text(rows, about):
 
 
 def caution(about):
-    """What a reader must know of a run that was not as it should be."""
+    """Return a remark on a run with few repetitions or on a busy machine."""
     said = [name for name, true in (("few repetitions", about["quick"]), ("a busy machine", about["loaded"])) if true]
     return f", preliminary ({', '.join(said)}):" if said else ":"
 

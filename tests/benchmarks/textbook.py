@@ -1,6 +1,6 @@
-"""Kinematics of ATHENA's legs as a reader of paper A would write them in NumPy, without further thought.
+"""Kinematics of ATHENA's legs in NumPy, written directly from the formulas of paper A.
 
-``p`` (6, 5) are the legs' parameters: theta_1 [rad], l_1 to l_4 [m]; angles and feet have shape (..., 6, 3).
+``p`` (6, 5) are the parameters of the legs: theta_1 [rad], l_1 to l_4 [m]. Angles and feet have shape (..., 6, 3).
 """
 
 import numpy as np
@@ -18,12 +18,12 @@ def forward(p, q):
 
 
 def jacobian(p, q):
-    """The derivative of A(12): angles [rad] -> (..., 6, 3, 3) [m/rad]."""
+    """The derivative of A(12): angles [rad] -> Jacobians (..., 6, 3, 3) [m/rad]."""
     theta_1, _, l_2, l_3, l_4 = p.T
     angle, femur = theta_1 + q[..., 0], q[..., 1]
     tibia = femur + q[..., 2]
     radius = l_2 + l_3 * np.cos(femur) + l_4 * np.cos(tibia)
-    up = -l_3 * np.sin(femur) - l_4 * np.sin(tibia)  # the radius by the second angle
+    up = -l_3 * np.sin(femur) - l_4 * np.sin(tibia)  # derivative of the radius by the second angle
     x = [-radius * np.sin(angle), up * np.cos(angle), -l_4 * np.sin(tibia) * np.cos(angle)]
     y = [radius * np.cos(angle), up * np.sin(angle), -l_4 * np.sin(tibia) * np.sin(angle)]
     z = [np.zeros_like(angle), l_3 * np.cos(femur) + l_4 * np.cos(tibia), l_4 * np.cos(tibia)]
@@ -31,7 +31,7 @@ def jacobian(p, q):
 
 
 def inverse(p, foot, low, high):
-    """A(14)-(18), the knee bent the standing way: angles [rad], reachable, within the limits."""
+    """A(14)-(18), with the knee bent as in the standing pose: feet [m] -> angles [rad], reachable, within limits."""
     theta_1, l_1, l_2, l_3, l_4 = p.T
     x, y = foot[..., 0] - l_1 * np.cos(theta_1), foot[..., 1] - l_1 * np.sin(theta_1)
     z, radius = foot[..., 2], np.hypot(x, y) - l_2
