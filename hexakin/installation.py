@@ -1,4 +1,4 @@
-"""What is installed of hexakin: its version, its data, and the source files that a module is made of."""
+"""The installed package: its version, its data folder, its source files, and what each module imports."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 PACKAGE = Path(__file__).resolve().parent
 
-# A wheel carries data/ inside the package; a checkout has it beside the package.
+# A wheel contains data/ inside the package; a checkout has it beside the package.
 DATA = PACKAGE / "data" if (PACKAGE / "data").is_dir() else PACKAGE.parent / "data"
 
 _NAME = PACKAGE.name
@@ -20,7 +20,7 @@ _NAME = PACKAGE.name
 
 @cache
 def modules() -> dict[str, Path]:
-    """Every module of hexakin by its full name, with its source file."""
+    """Return the source file of every module of hexakin, by the module's full name."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = [_NAME, *path.relative_to(PACKAGE).with_suffix("").parts]
@@ -30,30 +30,31 @@ def modules() -> dict[str, Path]:
 
 @cache
 def imports(module: str) -> frozenset[str]:
-    """Full names of the modules that a module of hexakin imports, anywhere in its file.
+    """Return the full names of the modules that ``module`` of hexakin imports, anywhere in its file.
 
-    A string that is a module's full name counts as an import: such modules are loaded by their names. Modules of
-    other packages are named as they are written. Raises KeyError for a name that is no module of hexakin.
+    A string that is the full name of a module, or ``module:name``, counts as an import, since such modules are loaded
+    by their names.
+    Modules of other packages appear as they are written. Raises KeyError if ``module`` is not a module of hexakin.
     """
     known, named = modules(), set()
     for node in ast.walk(_parsed(module)):
         if isinstance(node, ast.Import):
             named |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            # What is imported from a package may be a module of it.
+            # A name imported from a package may be a module of this package.
             inner = {f"{node.module}.{alias.name}" for alias in node.names} & known.keys()
             named |= inner if len(inner) == len(node.names) else {node.module, *inner}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in known:
-            named.add(node.value)
-    # The face of hexakin itself only maps names to modules.
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            named |= {node.value.partition(":")[0]} & known.keys()
+    # Importing hexakin runs nothing but the table of public names.
     return frozenset(name for name in named if name in known or name.partition(".")[0] != _NAME) - {_NAME}
 
 
 def sources(roots: Iterable[str], *, without: Iterable[str] = ()) -> dict[str, Path]:
-    """Source files, by module, of some modules and of all that they import, directly or not.
+    """Return the source files of the modules ``roots`` and of all modules that they import, directly or indirectly.
 
-    Packages and modules named in ``without`` are left out, and what only they import.
-    Raises KeyError for a name that is no module of hexakin.
+    The result maps full names to files. Packages and modules in ``without`` are left out, and so are modules that only
+    they import. Raises KeyError for a name that is not a module of hexakin.
     """
     found: dict[str, Path] = {}
     waiting = list(roots)
@@ -66,7 +67,10 @@ def sources(roots: Iterable[str], *, without: Iterable[str] = ()) -> dict[str, P
 
 
 def digest(roots: Iterable[str], *, without: Iterable[str] = ()) -> str:
-    """Checksum of what ``sources`` of some modules do: of their code without comments and docstrings."""
+    """Return a checksum (SHA-256, hex) of the code of ``sources(roots, without=without)``.
+
+    Comments and docstrings do not count.
+    """
     total = hashlib.sha256()
     for module in sources(roots, without=without):
         total.update(f"{module}\n{_code(module)}\n".encode())

@@ -1,13 +1,13 @@
-"""Compiled loops: numba's decorator with a cache on disk, and a word to the user while it compiles for the first time.
+"""Compiled loops: numba's decorators with a cache on disk, and a message to the user during the first compilation.
 
-This is the only module that imports numba; it carries the inner loops of contact time stepping, where a Python
-loop would cost more than the physics, and of kinematics in large batches.
+This is the only module that imports numba. The compiled code is the inner loops of contact time stepping, where a
+Python loop would take longer than the calculations in it, and of kinematics in large batches.
 
-The machine code lies beside the source, or in the user's cache if that folder cannot be written; if neither can, each
-process compiles anew. Files are renamed into place, so that two processes may compile at once, and one that is damaged
-counts as missing.
+The machine code is stored beside the source, or in the user's cache folder if the first folder cannot be written. If
+neither can be written, each process compiles again. Files are written under another name and then renamed, so that two
+processes may compile at the same time. A damaged file is treated as missing.
 """
-# numba checks a cached function against its own file, not against those that it imports; _drop_stale does.
+# numba compares a cached function only with its own source file; source_stamp also has the modules that it imports.
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ import pickle
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -35,28 +36,20 @@ except ImportError as error:
 Whole = NDArray[np.int64]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _CHECKSUM_SIZE = hashlib.sha256().digest_size
-_PATIENCE = 1.0  # [s] a cached start is faster than this
+_PATIENCE = 1.0  # [s] loading from the cache takes less than this
 
 
-def _drop_stale() -> None:
-    """Delete cached machine code that is older than any source that it may have been made of."""
-    changed = {module: source.stat().st_mtime for module, source in installation.modules().items()}
-    newest = max(changed.values(), default=0.0)
-    for index in installation.PACKAGE.rglob("__pycache__/*.nbi"):
-        with contextlib.suppress(OSError, KeyError):  # read-only, another process was faster, or no module any more
-            made = index.stat().st_mtime
-            if made < newest:  # else its imports need not be looked at
-                place = index.parent.parent.relative_to(installation.PACKAGE.parent).parts
-                module = ".".join([*place, index.name.partition(".")[0]])
-                if any(changed[name] > made for name in installation.sources([module])):
-                    index.unlink()
-
-
-_drop_stale()
+@cache
+def source_stamp(module: str) -> str | None:
+    """Return a checksum of a module's source files and of all that it imports; None for a module outside hexakin."""
+    if module not in installation.modules():
+        return None
+    files = installation.sources([module]).values()
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 class _CheckedFiles(IndexDataCacheFile):
-    """Machine code behind its checksum: a flipped bit in it would crash the process."""
+    """Machine code with a checksum in front, because damaged machine code could crash the process."""
 
     def _save_data(self, name: str, data: Any) -> None:
         content = self._dump(data)
@@ -68,21 +61,23 @@ class _CheckedFiles(IndexDataCacheFile):
         checksum, content = stored[:_CHECKSUM_SIZE], stored[_CHECKSUM_SIZE:]
         if hashlib.sha256(content).digest() != checksum:
             raise ValueError(f"{self._data_path(name)} is damaged")
-        return pickle.loads(content)  # our own, by the checksum
+        return pickle.loads(content)  # safe: the checksum shows that this class wrote it
 
 
 class _Cache(FunctionCache):
-    """numba's cache on disk, for which a damaged file is an error, and so is a disk that is full."""
+    """numba's cache on disk; a damaged file is deleted and compiled again, and a full disk is ignored."""
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
         files = self._cache_file
-        self._cache_file = _CheckedFiles(files._cache_path, self._impl.filename_base, files._source_stamp)
+        # Machine code with another stamp is not used: it was made of other sources.
+        stamp = source_stamp(function.__module__) or files._source_stamp
+        self._cache_file = _CheckedFiles(files._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # whatever unpickling garbage may raise
+        except Exception:  # unpickling a damaged file may raise any error
             with contextlib.suppress(OSError):
                 self.flush()
             return None
@@ -93,26 +88,27 @@ class _Cache(FunctionCache):
 
 
 def compiled(function: _Function) -> _Function:
-    """Compile at the first call and keep the machine code, if there is a place for it."""
+    """Compile ``function`` at its first call and store the machine code, if a folder can be written."""
     dispatcher: Any = numba.njit(error_model="numpy")(function)
-    with contextlib.suppress(RuntimeError):  # there is none
+    with contextlib.suppress(RuntimeError):  # no folder can be written
         dispatcher._cache = _Cache(function)
     return cast(_Function, dispatcher)
 
 
 def contracted(function: _Function) -> _Function:
-    """Compile as a part of a ``kernel``: products and sums may be fused; no cache of its own."""
-    # What is not inlined is a symbol of its own, and the process that compiles it calls the version that was optimised
-    # without the callees, at a third of the speed; only the next process has the kernel's own from the cache.
+    """Compile ``function`` as part of a ``kernel``: products and sums may be fused; it has no own cache."""
+    # Without inlining, the process that compiles the kernel calls a version of this function that was optimised on its
+    # own, at a third of the speed. Only later processes load the kernel's optimised version from the cache.
     jit: Any = numba.njit(error_model="numpy", fastmath={"contract"}, forceinline=True)
     return cast(_Function, jit(function))
 
 
 def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Compile for the given types of ``arguments``, or load the machine code, at once; to be called without the GIL.
+    """Return a decorator that at once compiles a function, or loads its machine code; it runs without the GIL.
 
-    An array is written as its dimension, with ``r`` if it is only read (``"2r"``), or ``"b"`` behind it for flags.
-    Raises RuntimeError where there is no place for machine code.
+    ``arguments`` are the types of the function's arguments: for each array the number of dimensions, followed by ``r``
+    if it is only read (``"2r"``), or by ``b`` for flags (bool). Raises RuntimeError if no folder for machine code can
+    be written.
     """
 
     def array(code: str) -> Any:
@@ -133,7 +129,7 @@ def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]
 
 @contextlib.contextmanager
 def announced(what: str) -> Iterator[None]:
-    """Say on stderr that ``what`` is being compiled, if the block takes longer than a cached start does."""
+    """Print on stderr that ``what`` is being compiled, if the block takes longer than loading from the cache."""
 
     def say() -> None:
         print(f"hexakin: compiling {what}, once for this installation (up to two minutes) ...", file=sys.stderr)

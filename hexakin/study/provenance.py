@@ -1,4 +1,4 @@
-"""What made a result: the function, a digest of the code, package versions and the machine."""
+"""The origin of a result: the function, a digest of the code, package versions and the machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import inspect
 import os
 import platform
 import subprocess
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from importlib import metadata
 from typing import Any
 
@@ -19,37 +19,34 @@ from hexakin.study.tables import Scalar
 Trial = Callable[..., Mapping[str, Any]]
 
 PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
-"""Packages that a result may depend on; their versions are kept with it."""
+"""Packages that a result may depend on; their versions are stored with it."""
 
 _RUNNER = __name__.rpartition(".")[0]
-"""The package of what calls a trial and keeps its result, on which the result does not depend."""
+"""The package that calls a trial and stores its result; the result does not depend on it."""
 
 
 def _code(module: str) -> str:
-    """Digest of what a trial in a module depends on: of that module's code and of all that it imports.
+    """Return a digest of the code that a trial in ``module`` depends on: this module and all that it imports.
 
-    A trial outside hexakin may call everything; what leads to matplotlib only draws, and is left out.
+    A trial outside hexakin may call any public name of hexakin. Packages in which a module imports matplotlib only
+    draw; they are left out.
     """
-    known = installation.modules()
-    if module in known:
+    if module in installation.modules():
         return installation.digest([module], without=[_RUNNER])
-    drawing = {"matplotlib"}
-    while more := {m for m in known if m not in drawing and not drawing.isdisjoint(_tops(installation.imports(m)))}:
-        drawing |= more
-    return installation.digest(known.keys() - drawing, without=[_RUNNER])
+    drawing = {".".join(name.split(".")[:2]) for name in installation.modules() if _imports_matplotlib(name)}
+    return installation.digest([installation.PACKAGE.name], without=[_RUNNER, *drawing])
 
 
-def _tops(names: Iterable[str]) -> set[str]:
-    """Names of modules of hexakin, and of whole packages for others."""
-    return {name if name.startswith("hexakin.") else name.partition(".")[0] for name in names}
+def _imports_matplotlib(module: str) -> bool:
+    return any(name.partition(".")[0] == "matplotlib" for name in installation.imports(module))
 
 
 def provenance(trial: Trial) -> dict[str, Any]:
-    """Say what a result depends on beside its arguments: function, code and package versions.
+    """Return what a result of ``trial`` depends on, besides its arguments: function, code and package versions.
 
-    ``code`` is a digest of hexakin's robots and of its code, without comments, as far as the trial may depend on it:
-    what a trial in hexakin imports; for another trial, all but what draws, and the trial's own function, without others
-    that it calls.
+    ``code`` is a digest of hexakin's robot files and of the code, without comments, that the trial may depend on. For a
+    trial in hexakin this is the code that it imports. For another trial it is all of hexakin except drawing code, and
+    the code of the trial itself, but not of other functions that the trial calls.
     """
     digest = hashlib.sha256(_code(trial.__module__).encode())
     for robot in sorted((DATA / "robots").glob("*.yaml")):
@@ -73,7 +70,7 @@ def provenance(trial: Trial) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """The machine, and the commit if hexakin is a checkout."""
+    """Return platform and number of cores, and the git commit if hexakin runs from a checkout."""
     found = {"platform": f"{platform.system()} {platform.machine()}", "cores": os.cpu_count()}
     checkout = installation.PACKAGE.parent
     if (checkout / ".git").exists():
