@@ -1,8 +1,8 @@
 """Command line.
 
-``python -m hexakin study NAME`` makes a study, or goes on with one that was interrupted.
-``python -m hexakin robot FILE`` checks a robot's file and says what follows from it; ``--schema`` prints its fields.
-``python -m hexakin statements`` prints every statement of paper A beside what the committed results say.
+``python -m hexakin study NAME`` runs a study, or continues a study that was interrupted.
+``python -m hexakin robot FILE`` checks a robot file and prints a summary of the robot; ``--schema`` prints all fields.
+``python -m hexakin statements`` prints every statement of paper A beside the finding of the committed results.
 """
 
 from __future__ import annotations
@@ -20,23 +20,33 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0, 1 after an error, 2 for a wrong call, or 130 when interrupted."""
+    """Run a command and return its exit code.
+
+    ``arguments`` are the words of the command line; None takes those of the running program. The exit code is 0, 1
+    after an error, 2 for wrong arguments, or 130 after an interrupt.
+    """
     parser = argparse.ArgumentParser(prog="python -m hexakin", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
-    study = commands.add_parser("study", help="make a study, or go on with one", description=_STUDY)
+    study = commands.add_parser("study", help="run a study, or continue one", description=_STUDY)
     study.add_argument(
-        "names", nargs="*", metavar="NAME", help="a study of paper A, all, or MODULE:STUDY; none lists them"
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="a study of paper A, all, or MODULE:STUDY; without a name they are listed",
     )
-    study.add_argument("--folder", default="results", help="where the results are kept (default: %(default)s)")
-    study.add_argument("--jobs", type=int, help="processes (default: one for each core)")
-    study.add_argument("--restart", action="store_true", help="set earlier results aside and begin anew")
+    study.add_argument("--folder", default="results", help="folder of the results (default: %(default)s)")
+    study.add_argument("--jobs", type=int, help="number of processes (default: one per core)")
+    study.add_argument("--restart", action="store_true", help="rename earlier results and start again")
     study.add_argument("--quiet", action="store_true", help="show no progress")
-    robot = commands.add_parser("robot", help="check a robot's file and sum it up", description=_ROBOT)
+    robot = commands.add_parser("robot", help="check a robot file and print a summary", description=_ROBOT)
     robot.add_argument(
-        "file", nargs="?", metavar="FILE", help="a YAML file, or a shipped robot's name; none lists them"
+        "file",
+        nargs="?",
+        metavar="FILE",
+        help="a YAML file, or the name of a shipped robot; without it the names are listed",
     )
-    robot.add_argument("--schema", action="store_true", help="print every field of a robot's file, and an example")
-    commands.add_parser("statements", help="print paper A's statements beside what was found, as in the README")
+    robot.add_argument("--schema", action="store_true", help="print every field of a robot file, and an example")
+    commands.add_parser("statements", help="print paper A's statements beside our findings, as in the README")
     options = parser.parse_args(arguments)
     try:
         return {"study": _study, "robot": _robot, "statements": _statements}[options.command](options)
@@ -44,14 +54,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"hexakin: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        said = "interrupted; what was finished is kept, and the same call goes on from there"
-        print(f"\nhexakin: {said}", file=sys.stderr)
+        message = "interrupted; finished runs are kept; repeat the same call to continue"
+        print(f"\nhexakin: {message}", file=sys.stderr)
         return 130
 
 
-_STUDY = """Make the runs of a study that are not in the folder yet, on all cores. It can be interrupted and called
-again at any time. NAME is one of paper A's studies, "all" for every one of them, or MODULE:STUDY, a
-hexakin.study.Study (or a function that returns one) in a module that can be imported."""
+_STUDY = """Make the runs of a study that are missing in the folder, on all cores. A study can be interrupted and
+continued at any time. NAME is one of paper A's studies, "all" for all of them, or MODULE:STUDY: a hexakin.study.Study
+(or a function that returns one) in a module that can be imported."""
 
 
 def _study(options: argparse.Namespace) -> int:
@@ -75,9 +85,9 @@ def _study(options: argparse.Namespace) -> int:
     return 0
 
 
-_ROBOT = """Check a robot's file: an error names the field, its value and what was expected (exit code 1). Of a robot
-that is possible (0) a summary is printed: masses, inertias, reach, standing pose, limits, remarks on what is unusual.
---schema documents the file."""
+_ROBOT = """Check a robot file. An error names the field, its value and the expected values (exit code 1). For a valid
+robot (exit code 0) a summary is printed: masses, inertias, reach, standing pose, limits, and remarks on unusual values.
+--schema prints the documentation of the file."""
 
 
 def _robot(options: argparse.Namespace) -> int:
@@ -91,9 +101,9 @@ def _robot(options: argparse.Namespace) -> int:
         print(*robot_names(), sep="\n")
     else:
         robot = load_robot(options.file)
-        from hexakin.robot_summary import summary
+        from hexakin.robot_summary import summarise
 
-        print(summary(robot), end="")
+        print(summarise(robot), end="")
     return 0
 
 
@@ -105,7 +115,7 @@ def _statements(_: argparse.Namespace) -> int:
 
 
 def _imported(name: str) -> Study:
-    """The study that MODULE:STUDY names."""
+    """Import and return the study that ``name`` (MODULE:STUDY) stands for."""
     from hexakin.study.runner import Study, fault
 
     module_name, _, attribute = name.partition(":")

@@ -1,4 +1,4 @@
-"""Checks that public functions make of their arguments, and the type of an array."""
+"""Checks of the arguments of public functions, and the type ``Array``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 
 
 def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
-    """Coerce to a float array whose last axes are ``trailing``, all finite.
+    """Convert ``value`` to a float array with the last axes ``trailing``, and check that all elements are finite.
 
-    ``labels`` name these axes in the message, such as ``("leg", "joint")``; numbers in messages
-    count from 1. Raises InvalidInputError naming the argument and the first bad element.
+    ``name`` is the argument's name in the message. ``labels`` are names of the last axes, such as ``("leg", "joint")``;
+    the message counts along them from 1. Raises InvalidInputError, which names the argument and the first bad element.
     """
     if np.iscomplexobj(value):
         raise InvalidInputError(f"{name}: expected real numbers, got complex ones")
@@ -44,7 +44,11 @@ def check_number(
     at_most: float = np.inf,
     unit: str = "",
 ) -> float:
-    """Return ``value`` as a float if it is finite and within its bounds; else raise InvalidInputError."""
+    """Return ``value`` as a float if it is finite and within its bounds; otherwise raise InvalidInputError.
+
+    The bounds are ``above`` (exclusive), ``at_least`` and ``at_most`` (inclusive). ``name`` and ``unit`` are for the
+    message.
+    """
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
@@ -63,14 +67,17 @@ def check_number(
 
 
 def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
-    """Return ``value`` as an int if it is a whole number of at least ``at_least``; else raise InvalidInputError."""
+    """Return ``value`` as an int if it is a whole number, ``at_least`` or more; otherwise raise InvalidInputError.
+
+    ``name`` is the argument's name in the message.
+    """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < at_least:
         raise InvalidInputError(f"{name}: {value!r}, expected a whole number of at least {at_least}")
     return int(value)
 
 
 def read_only(value: ArrayLike) -> Array:
-    """Return a copy that cannot be written to."""
+    """Return a read-only copy of ``value`` as a float array."""
     array = np.array(value, dtype=float)
     array.setflags(write=False)
     return array

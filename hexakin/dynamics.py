@@ -1,8 +1,12 @@
-"""Multibody dynamics with Pinocchio: the robot as a floating base with three joints a leg (A section 2, A(1)).
+"""Multibody dynamics with Pinocchio: the robot as a floating base with three joints per leg (A section 2, A(1)).
 
-Velocities are Pinocchio's: linear and angular velocity of the body in its own frame (6), then the joint
-rates leg by leg, and with foot springs each leg's spring rate behind its joints. This is the only module that
-imports pinocchio and its collision library coal.
+Generalised coordinates and velocities are Pinocchio's. A configuration (7 + 3 L,) is the base position [m], the base
+quaternion xyzw and the joint angles [rad] leg by leg; the function ``configuration`` returns it. A generalised velocity
+(6 + 3 L,) is the linear [m/s] and angular [rad/s] velocity of the body in its own frame, then the joint speeds [rad/s]
+leg by leg. With foot springs each leg's spring follows its joints. A generalised force (6 + 3 L,) is the force [N] and
+moment [N m] on the body in its own frame, then the joint torques [N m].
+
+This is the only module that imports pinocchio and its collision library coal.
 """
 
 from __future__ import annotations
@@ -25,11 +29,11 @@ except ImportError as error:
     raise MissingPackageError("pinocchio", "the dynamics", "pip install pin") from error
 
 FOOT_SPRING_RATE = 9.28e3
-"""Rate of ATHENA's foot springs [N/m] (A section 2.1, which prints N m)."""
+"""Stiffness of ATHENA's foot springs [N/m] (A section 2.1, which prints the unit as N m)."""
 
 
 class Energies(NamedTuple):
-    """Kinetic and potential energy [J]; the latter is of gravity and counts from the world's origin."""
+    """The energies ``kinetic`` [J] and ``potential`` [J], which is that of gravity, 0 at the world's origin."""
 
     kinetic: float
     potential: float
@@ -37,10 +41,11 @@ class Energies(NamedTuple):
 
 @lru_cache(maxsize=32)
 def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
-    """Return the Pinocchio model of a robot: free flyer ``torso``, joints ``<name>_i`` and frames ``foot_i``, i from 1.
+    """Return the Pinocchio model of ``robot``: free flyer ``torso``, joints ``<name>_i``, frames ``foot_i``, i from 1.
 
     With ``foot_springs`` each foot slides on a prismatic joint ``spring_i`` along its tibia (A section 2.1: 25 bodies,
-    24 joints); without, it is fixed to the tibia, as A simulates it. The model is shared: do not change it.
+    24 joints). Without them the foot is fixed to the tibia, as in A's simulations. The model is shared by all callers:
+    do not change it.
     """
     check_robot(robot)
     model = pin.Model()
@@ -56,7 +61,7 @@ def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
             model.appendBodyToJoint(parent, _inertia(robot.segments[name]), pin.SE3(frames[k]))
         placement = pin.SE3(fixed[-1])
         if foot_springs:
-            # The spring works along the tibia: x of its segment frame.
+            # The spring acts along the tibia, the x axis of its segment frame.
             along = pin.SE3(frames[-1][:3, :3], placement.translation)
             parent = model.addJoint(parent, pin.JointModelPX(), along, f"spring_{leg + 1}")
             placement = pin.SE3(along.rotation.T @ placement.rotation, np.zeros(3))
@@ -66,9 +71,9 @@ def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
 
 
 def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
-    """Configuration (7 + 3 L,): base position, base quaternion xyzw, joint angles leg by leg.
+    """Return the configuration (7 + 3 L,) [m, rad]: base position, base quaternion xyzw, joint angles leg by leg.
 
-    ``T_world_body`` (4, 4), ``q`` (L, 3) [rad].
+    ``T_world_body`` (4, 4) is the body's pose, ``q`` (L, 3) [rad] are the joint angles.
     """
     T = check_array("T_world_body", T_world_body, (4, 4))
     angles = check_array("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
@@ -76,39 +81,52 @@ def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
 
 
 def mass_matrix(robot: Robot, configuration: ArrayLike) -> Array:
-    """Mass matrix M (6 + 3 L, 6 + 3 L) at a configuration (7 + 3 L,)."""
+    """Return the mass matrix M (6 + 3 L, 6 + 3 L) [kg, kg m, kg m^2] at ``configuration`` (7 + 3 L,) [m, rad]."""
     model, data, q = _prepared(robot, configuration)
     pin.crba(model, data, q)
     return np.triu(data.M) + np.triu(data.M, 1).T
 
 
 def bias(robot: Robot, configuration: ArrayLike, velocity: ArrayLike) -> Array:
-    """Coriolis, centrifugal and gravity terms C + g (6 + 3 L,) of A(1), completed (A-E5)."""
+    """Return the Coriolis, centrifugal and gravity terms C + g (6 + 3 L,) [N, N m] of A(1), completed (A-E5).
+
+    They depend on ``configuration`` (7 + 3 L,) [m, rad] and ``velocity`` (6 + 3 L,) [m/s, rad/s].
+    """
     model, data, q = _prepared(robot, configuration)
     return pin.nonLinearEffects(model, data, q, _velocity(model, velocity)).copy()
 
 
 def gravity(robot: Robot, configuration: ArrayLike) -> Array:
-    """Gravity term g (6 + 3 L,): the generalised force that holds the robot at rest."""
+    """Return the gravity term g (6 + 3 L,) [N, N m], the generalised force that holds the robot at rest.
+
+    It depends on ``configuration`` (7 + 3 L,) [m, rad].
+    """
     model, data, q = _prepared(robot, configuration)
     return pin.computeGeneralizedGravity(model, data, q).copy()
 
 
 def center_of_mass(robot: Robot, configuration: ArrayLike) -> Array:
-    """Centre of mass (3,) [m] of the whole robot, in the world."""
+    """Return the centre of mass (3,) [m] of the whole robot in the world, at ``configuration`` (7 + 3 L,) [m, rad]."""
     model, data, q = _prepared(robot, configuration)
     return pin.centerOfMass(model, data, q).copy()
 
 
 def inverse_dynamics(robot: Robot, configuration: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
-    """Generalised force M a + C + g (6 + 3 L,) that gives ``acceleration`` (6 + 3 L,)."""
+    """Return the generalised force M a + C + g (6 + 3 L,) [N, N m] that causes an acceleration a.
+
+    ``acceleration`` (6 + 3 L,) [m/s^2, rad/s^2] is a. The force is that at ``configuration`` (7 + 3 L,) [m, rad] and
+    ``velocity`` (6 + 3 L,) [m/s, rad/s].
+    """
     model, data, q = _prepared(robot, configuration)
     a = check_array("acceleration", acceleration, (model.nv,))
     return pin.rnea(model, data, q, _velocity(model, velocity), a).copy()
 
 
 def foot_jacobians(robot: Robot, configuration: ArrayLike) -> Array:
-    """Derivative (L, 3, 6 + 3 L) of each foot centre's velocity in the world by the generalised velocity."""
+    """Return the Jacobians (L, 3, 6 + 3 L) [1, m] of the foot centres at ``configuration`` (7 + 3 L,) [m, rad].
+
+    They map the generalised velocity to the velocities [m/s] of the foot centres in the world.
+    """
     model, data, q = _prepared(robot, configuration)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
@@ -118,23 +136,30 @@ def foot_jacobians(robot: Robot, configuration: ArrayLike) -> Array:
 
 
 def delassus(robot: Robot, configuration: ArrayLike) -> Array:
-    """Delassus matrix J M^-1 J^T (3 L, 3 L) [1/kg] of the foot centres, in world axes."""
+    """Return the Delassus matrix J M^-1 J^T (3 L, 3 L) [1/kg] of the foot centres, in world axes.
+
+    J are the ``foot_jacobians`` and M is the ``mass_matrix`` at ``configuration`` (7 + 3 L,) [m, rad].
+    """
     J = foot_jacobians(robot, configuration).reshape(3 * robot.num_legs, -1)
     return J @ np.linalg.solve(mass_matrix(robot, configuration), J.T)
 
 
 def energies(robot: Robot, configuration: ArrayLike, velocity: ArrayLike) -> Energies:
-    """Kinetic and potential energy [J]."""
+    """Return the kinetic and potential energy [J].
+
+    They are those at ``configuration`` (7 + 3 L,) [m, rad] and ``velocity`` (6 + 3 L,) [m/s, rad/s].
+    """
     model, data, q = _prepared(robot, configuration)
     kinetic = pin.computeKineticEnergy(model, data, q, _velocity(model, velocity))
     return Energies(float(kinetic), float(pin.computePotentialEnergy(model, data, q)))
 
 
 class MaximalModel(NamedTuple):
-    """A(1)'s maximal coordinates: each body's velocity at its centre of mass.
+    """The maximal coordinates of A(1): the velocity of each body at its centre of mass, in world axes.
 
-    ``names`` (b,) of the bodies, ``mass`` (6 b, 6 b), block diagonal, linear before angular, in world axes;
-    ``jacobian`` (6 b, 6 + 3 L): the bodies' velocities by the generalised velocity.
+    ``names`` are those of the b bodies. ``mass`` (6 b, 6 b) [kg, kg m^2] is block diagonal; for each body, linear
+    coordinates come before angular ones. ``jacobian`` (6 b, 6 + 3 L) [1, m] maps the generalised velocity to the
+    velocities of the bodies.
     """
 
     names: tuple[str, ...]
@@ -143,10 +168,10 @@ class MaximalModel(NamedTuple):
 
 
 def maximal_model(robot: Robot, configuration: ArrayLike) -> MaximalModel:
-    """The robot's bodies one by one (A(1)): 25 for six legs, each foot counted by itself.
+    """Return mass matrix M and Jacobian J of the separate bodies of A(1): 25 for six legs, since feet are separate.
 
-    Then J^T M J is the mass matrix of ``mass_matrix``. The inertias and places come from the description, not from the
-    Pinocchio model, which merges fixed feet into tibiae.
+    They are those at ``configuration`` (7 + 3 L,) [m, rad]. J^T M J equals ``mass_matrix``. Inertias and positions come
+    from the robot's description, because the Pinocchio model merges fixed feet with the tibiae.
     """
     model, data, q = _prepared(robot, configuration)
     pin.computeJointJacobians(model, data, q)

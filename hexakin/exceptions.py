@@ -1,4 +1,4 @@
-"""The one error family of hexakin: every error names the culprit, its value and the bound."""
+"""All errors that hexakin raises. A message names the faulty argument, its value and the allowed values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class HexakinError(Exception):
     """Base of every error that hexakin raises on purpose."""
 
     def __reduce__(self) -> tuple:
-        """Pickle by message and attributes, so that an error comes back whole from a worker process."""
+        """Pickle by message and attributes, so that an error from a worker process keeps its attributes."""
         return _rebuild, (type(self), self.args, self.__dict__)
 
 
@@ -27,11 +27,15 @@ class InvalidInputError(HexakinError, ValueError):
 
 
 class RobotFileError(HexakinError, ValueError):
-    """A robot description cannot be read or does not describe a possible robot."""
+    """A robot description cannot be read, or describes a robot that cannot exist."""
 
 
 class UnknownNameError(HexakinError, LookupError):
-    """A robot, engine, terrain or option was asked for by a name that does not exist."""
+    """There is no robot, engine, terrain or option of the given name.
+
+    ``kind`` is what the name should stand for (such as "robot"), ``name`` the given name, ``known`` the valid names.
+    They are kept as attributes.
+    """
 
     def __init__(self, kind: str, name: object, known: list[str]):
         self.kind, self.name, self.known = kind, name, known
@@ -39,7 +43,11 @@ class UnknownNameError(HexakinError, LookupError):
 
 
 class MissingPackageError(HexakinError, ImportError):
-    """A feature needs an optional package that is not installed."""
+    """A feature needs an optional package that is not installed.
+
+    ``package`` is the name of the package (kept as an attribute), ``feature`` what needs it, ``install`` the command
+    that installs it.
+    """
 
     def __init__(self, package: str, feature: str, install: str):
         self.package = package
@@ -54,7 +62,8 @@ class UnreachableError(HexakinError):
     """A foot target lies outside the leg's reach.
 
     Attributes: ``leg`` (1-based), ``distance`` [m] from the leg's second joint to the target,
-    ``reach`` (min, max) [m], ``time`` [s] on a path, else None.
+    ``reach`` (min, max) [m], ``time`` [s] on a path, else None. ``where`` is the index of the target in a batch, as
+    text for the message; it may be empty.
     """
 
     def __init__(
@@ -88,7 +97,8 @@ class JointLimitError(HexakinError):
 class ClearanceError(HexakinError):
     """A swing cuts through the terrain.
 
-    Attributes: ``leg`` (1-based), ``step`` (1-based), ``depth`` [m] of the cut.
+    Attributes: ``leg`` (1-based), ``step`` (1-based), ``depth`` [m] of the cut. ``arch`` is the highest swing that was
+    tried, as a multiple of the cycloid's height.
     """
 
     def __init__(self, leg: int, step: int, depth: float, arch: float):
@@ -100,17 +110,18 @@ class ClearanceError(HexakinError):
 
 
 class SimulationError(HexakinError, RuntimeError):
-    """A simulation cannot go on: the state is no longer finite or the robot has left the scene."""
+    """A simulation cannot continue: the state is not finite any more, or the robot has left the scene."""
 
 
 class RecordingError(HexakinError, ValueError):
-    """A recording cannot be read: truncated, not a recording, or of another format."""
+    """A recording cannot be read: the file is truncated, is not a recording, or has another format."""
 
 
 class ContactError(HexakinError, ArithmeticError):
     """No impulses were found that satisfy the contact laws to the tolerance.
 
-    Attributes: ``residual`` reached and ``tolerance`` (relative), ``iterations`` made.
+    Attributes: the ``residual`` that was reached and the ``tolerance`` (both relative), and the number of
+    ``iterations``.
     """
 
     def __init__(self, residual: float, tolerance: float, iterations: int):
@@ -122,17 +133,17 @@ class ContactError(HexakinError, ArithmeticError):
 
 
 class SolverError(HexakinError, ArithmeticError):
-    """A solver gave up: neither a solution was found nor shown that there is none."""
+    """A solver stopped without a result: it found no solution and no proof that none exists."""
 
 
 class StudyError(HexakinError, RuntimeError):
-    """A study cannot start or go on: its files belong to something else, the disk is full, or a run is faulty."""
+    """A study cannot start or continue: its files were made by other code, the disk is full, or a run failed."""
 
 
 def renamed(module: str, new_names: Mapping[str, tuple[str, Any]]) -> Callable[[str], Any]:
     """Return a module's ``__getattr__`` that keeps old names for one release, with a DeprecationWarning.
 
-    ``module`` is the module's name, ``new_names`` maps each old name to the new one and what it stands for. The
+    ``module`` is the module's name. ``new_names`` maps each old name to a pair: the new name and the object. The
     function raises AttributeError for any other name.
     """
 

@@ -1,4 +1,4 @@
-"""A robot in a page of text: what its description says, what follows from it, and what is unusual about it."""
+"""A page of text about a robot: its description, values that follow from it, and remarks on unusual values."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hexakin.exceptions import renamed
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.leg_functions import closed_form, reach
 from hexakin.motion.clearance import torso_gaps
@@ -17,20 +18,21 @@ from hexakin.terrain.planes import Plane
 from hexakin.transforms import pose
 from hexakin.walking.gait import tripod
 
-_LEVEL = 1e-3  # [m] between the highest and the lowest foot of the standing pose
-_MARGIN = np.deg2rad(1.0)  # of a joint in the standing pose
-_SAME = 1e-3  # [m] between two legs' first joints
-_TINY = 1e-4  # [m]: a length that is neither 0 nor this long may be in another unit
-# A servo's torque over what one stretched leg needs to carry the robot; that of paper A's servos is 0.4.
+_LEVEL = 1e-3  # [m] largest height difference between feet of the standing pose that counts as level
+_MARGIN = np.deg2rad(1.0)  # [rad] smallest limit margin of a joint in the standing pose that gets no remark
+_SAME = 1e-3  # [m] first joints of two legs that are closer than this count as one place
+_TINY = 1e-4  # [m] a length above 0 and below this may be in another unit
+# Servo torque divided by the torque with which one stretched leg carries the robot; 0.4 for paper A's servos.
 _STRENGTH = (0.02, 20.0)
-_SHARE = 0.2  # of a uniform box's largest moment: below, the mass sits in a point
+_SHARE = 0.2  # of a uniform box's largest moment: a body below this has its mass almost in one point
 
 
-def summary(robot: Robot) -> str:
-    """Return the page that ``python -m hexakin robot`` prints; lengths in mm, angles in degrees.
+def summarise(robot: Robot) -> str:
+    """Return the page of text that ``python -m hexakin robot`` prints; lengths in mm, angles in degrees.
 
-    Its last lines are the remarks of ``remarks``. It says of every body how its principal moments of inertia compare
-    with those of its box, full and uniform, and of every leg type how far the foot can be from the second joint.
+    For every body it gives the principal moments of inertia beside those of a full uniform box of the same size and
+    mass; for every leg type, the smallest and largest distance of the foot from the second joint. Its last lines are
+    those of ``remarks``.
     """
     lines = [f"{robot.name}: {robot.num_legs} legs, {robot.mass:.4g} kg"]
     if robot.reference:
@@ -42,12 +44,12 @@ def summary(robot: Robot) -> str:
 
 
 def remarks(robot: Robot) -> tuple[str, ...]:
-    """Say what is unusual about a robot that is possible: each is a sentence that names the field."""
+    """Return remarks on unusual but allowed values of a robot; each is a sentence that starts with the field's name."""
     return tuple(remark for part in (_body_remarks, _standing_remarks, _leg_remarks) for remark in part(robot))
 
 
 def _parts(robot: Robot) -> dict[str, tuple[Body, int]]:
-    """Bodies by the path of their field, and how often the robot has them."""
+    """Return each body and how many of it the robot has, by the path of its field."""
     limbs = {f"segments.{name}": (robot.segments[name], robot.num_legs) for name in SEGMENT_NAMES}
     return {"torso": (robot.torso, 1), **limbs, "foot": (robot.foot, robot.num_legs)}
 
@@ -84,12 +86,13 @@ def _torso_clearance(robot: Robot) -> float:
 
 
 def _standing(robot: Robot) -> Iterator[str]:
-    margins = np.rad2deg(np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q).min(axis=-1))
+    limit_margins = np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q).min(axis=-1)
     yield f"standing, the body's origin {1e3 * standing_height(robot):.1f} mm above the ground"
     yield f"  torso's underside {1e3 * _torso_clearance(robot):.1f} mm above the ground"
-    for leg, foot, margin in zip(robot.legs, forward_kinematics(robot, robot.standing_q), margins, strict=True):
+    feet = forward_kinematics(robot, robot.standing_q)
+    for leg, foot, limit_margin in zip(robot.legs, feet, np.rad2deg(limit_margins), strict=True):
         place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in foot)
-        yield f"  {leg.name:15} foot at ({place}) mm, {margin:.1f} deg from the nearest joint limit"
+        yield f"  {leg.name:15} foot at ({place}) mm, {limit_margin:.1f} deg from the nearest joint limit"
 
 
 def _limits(robot: Robot) -> Iterator[str]:
@@ -115,11 +118,11 @@ def _body_remarks(robot: Robot) -> Iterator[str]:
         over = np.diag(body.inertia) / most
         if over.max() > 1.0 + 1e-9:
             axis = "xyz"[int(over.argmax())]
-            yield f"{where}.inertia.{axis * 2}: {over.max():.3g} times the most that mass within its box can have"
+            yield f"{where}.inertia.{axis * 2}: {over.max():.3g} times the largest that mass within its box can have"
         elif principal_moments(body)[2] < _SHARE * most.max() / 3.0:
-            yield f"{where}.inertia: less than {_SHARE:g} of a uniform box's, as if the mass sat in a point"
+            yield f"{where}.inertia: less than {_SHARE:g} of a uniform box's, as if all mass were in one point"
     if robot.foot_radius == 0.0:
-        yield "foot.radius: 0, a point: good for kinematics, but a simulation needs a radius"
+        yield "foot.radius: 0, a point: enough for kinematics, but a simulation needs a radius"
 
 
 def _standing_remarks(robot: Robot) -> Iterator[str]:
@@ -130,11 +133,11 @@ def _standing_remarks(robot: Robot) -> Iterator[str]:
     torso_clearance = _torso_clearance(robot)
     if torso_clearance <= 0.0:
         yield f"standing: the torso's underside is {-1e3 * torso_clearance:.3g} mm below the ground"
-    margins = np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q)
-    if margins.min() < _MARGIN:
-        leg, joint = (int(index) for index in np.unravel_index(int(margins.argmin()), margins.shape))
-        margin = np.rad2deg(margins.min())
-        yield f"standing.{robot.table.joints[joint]} of leg {leg + 1}: {margin:.2g} deg from its limit"
+    limit_margins = np.minimum(robot.standing_q - robot.q_min, robot.q_max - robot.standing_q)
+    if limit_margins.min() < _MARGIN:
+        leg, joint = (int(index) for index in np.unravel_index(int(limit_margins.argmin()), limit_margins.shape))
+        limit_margin = np.rad2deg(limit_margins.min())
+        yield f"standing.{robot.table.joints[joint]} of leg {leg + 1}: {limit_margin:.2g} deg from its limit"
 
 
 def _leg_remarks(robot: Robot) -> Iterator[str]:
@@ -152,19 +155,25 @@ def _leg_remarks(robot: Robot) -> Iterator[str]:
     stretched = float(np.linalg.norm(robot.fixed_poses(0)[1:, :3, 3], axis=-1).sum())
     strength = robot.servo.max_torque / (robot.weight * stretched)
     if not _STRENGTH[0] <= strength <= _STRENGTH[1]:
-        need = f"{strength:.3g} of what one stretched leg needs to carry the robot"
+        need = f"{strength:.3g} times what one stretched leg needs to carry the robot"
         yield f"servo.max_torque: {robot.servo.max_torque:g} N m is {need}; is it in N m?"
     if robot.servo.max_speed is None:
-        yield "servo.max_speed: not given; checks of feasibility leave speeds out"
+        yield "servo.max_speed: not given; feasibility checks then do not check joint speeds"
 
 
 def _tripod_remarks(robot: Robot) -> Iterator[str]:
-    """Of six legs that are not listed around the body: the tripod gait then swings all legs of a side, or two."""
+    """Return a remark if six legs are not listed around the body.
+
+    The tripod gait then stands on three legs that do not surround the centre of mass.
+    """
     if robot.num_legs != 6:
         return
     feet = forward_kinematics(robot, robot.standing_q)
     for group in tripod(robot).groups:
         if not edge_distance(robot.torso.center_of_mass[:2], support_polygon(feet[list(group)])) > 0.0:
             legs = ", ".join(str(leg + 1) for leg in group)
-            yield f"legs: the tripod gait stands on legs {legs}, which do not hold the body; list legs around the body"
+            yield f"legs: the tripod gait stands on legs {legs}, which cannot support the body; list legs in order"
             return
+
+
+__getattr__ = renamed(__name__, {"summary": ("summarise", summarise)})

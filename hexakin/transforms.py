@@ -9,7 +9,10 @@ from hexakin.checks import Array
 
 
 def cross_matrix(vector: ArrayLike) -> Array:
-    """Matrices (..., 3, 3) that take v to ``vector`` x v, for vectors (..., 3)."""
+    """Return the matrices (..., 3, 3) that map v to the cross product ``vector`` x v.
+
+    ``vector`` (..., 3) may have any unit; the matrices have the same.
+    """
     v = np.asarray(vector, dtype=float)
     matrix = np.zeros((*v.shape, 3))
     matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
@@ -18,13 +21,16 @@ def cross_matrix(vector: ArrayLike) -> Array:
 
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) by ``angle`` [rad] about the unit vector ``axis`` (Rodrigues' formula)."""
+    """Return the rotation matrix (3, 3) by ``angle`` [rad] about ``axis`` (3,), a unit vector (Rodrigues' formula)."""
     cross = cross_matrix(axis)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
 
 
 def rpy_rotation(rpy: ArrayLike) -> Array:
-    """Rotation Rz(yaw) Ry(pitch) Rx(roll) of B(2), for angles (..., 3) = (roll, pitch, yaw) [rad] -> (..., 3, 3)."""
+    """Return the rotation matrices (..., 3, 3) Rz(yaw) Ry(pitch) Rx(roll) of B(2).
+
+    ``rpy`` (..., 3) [rad] are the angles (roll, pitch, yaw).
+    """
     angles = np.asarray(rpy, dtype=float)
     (sr, sp, sy), (cr, cp, cy) = np.moveaxis(np.sin(angles), -1, 0), np.moveaxis(np.cos(angles), -1, 0)
     rows = [
@@ -36,9 +42,10 @@ def rpy_rotation(rpy: ArrayLike) -> Array:
 
 
 def rotation_between(a: ArrayLike, b: ArrayLike) -> Array:
-    """Return the smallest rotations (..., 3, 3) that take the direction of ``a`` to that of ``b``, (..., 3) each.
+    """Return the smallest rotation matrices (..., 3, 3) that turn the direction of ``a`` into that of ``b``.
 
-    Directions that oppose each other leave the axis open; one at a right angle to ``a`` is taken.
+    ``a`` (..., 3) and ``b`` (..., 3) may have any unit; only their directions count. For opposite directions the axis
+    is not unique; one at a right angle to ``a`` is used.
     """
     u, v = np.broadcast_arrays(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
     u, v = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (u, v))
@@ -57,7 +64,7 @@ def rotation_between(a: ArrayLike, b: ArrayLike) -> Array:
 
 
 def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
-    """Homogeneous matrix (4, 4) from a rotation (3, 3) and a position (3,) [m]."""
+    """Return the pose, a homogeneous matrix (4, 4), of ``rotation`` (3, 3), a matrix, and ``position`` (3,) [m]."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     matrix[:3, 3] = position
@@ -65,7 +72,7 @@ def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
 
 
 def inverse_pose(T: ArrayLike) -> Array:
-    """Inverse of poses (..., 4, 4)."""
+    """Return the inverses (..., 4, 4) of ``T`` (..., 4, 4), which are poses."""
     T = np.asarray(T, dtype=float)
     result = np.zeros_like(T)
     result[..., :3, :3] = np.swapaxes(T[..., :3, :3], -1, -2)
@@ -75,11 +82,15 @@ def inverse_pose(T: ArrayLike) -> Array:
 
 
 def transform_points(T_target_source: ArrayLike, p_source: ArrayLike) -> Array:
-    """Points (..., k, 3) given in ``source``, expressed in ``target``, for poses (..., 4, 4)."""
+    """Return points (..., k, 3) [m] in the frame ``target``.
+
+    ``T_target_source`` (..., 4, 4) are the poses of the frame ``source`` in ``target``, and ``p_source`` (..., k, 3)
+    [m] the points in ``source``.
+    """
     T = np.asarray(T_target_source, dtype=float)
     return np.asarray(p_source, dtype=float) @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
 
 
 def wrapped(angle: ArrayLike) -> Array:
-    """Angles [rad] in (-pi, pi]."""
+    """Return ``angle`` (...) [rad] plus whole turns, so that the result (...) [rad] lies in (-pi, pi]."""
     return np.pi - np.mod(np.pi - np.asarray(angle, dtype=float), 2.0 * np.pi)

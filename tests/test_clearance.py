@@ -8,7 +8,7 @@ from hexakin.feasibility import best_posture, check, commanded_walk, longest_str
 from hexakin.figures.sliders import posture_of_body
 from hexakin.motion.clearance import foot_gaps, torso_gaps
 from hexakin.motion.motion import Motion
-from hexakin.robot_summary import remarks, summary
+from hexakin.robot_summary import remarks, summarise
 from hexakin.simulation.closed_loop import starting_pose
 from hexakin.transforms import axis_rotation, pose, transform_points
 
@@ -54,7 +54,7 @@ def test_a_torso_off_the_origin_has_one_clearance(slung, rpy):
     assert posture.torso_clearance == pytest.approx(lowest)
     assert posture.faults[0] == f"torso: {-1e3 * lowest:.1f} mm below the floor"
     if not any(rpy):
-        assert f"torso's underside {1e3 * lowest:.1f} mm above the ground" in summary(slung)
+        assert f"torso's underside {1e3 * lowest:.1f} mm above the ground" in summarise(slung)
         assert any("torso's underside is" in remark for remark in remarks(slung))
         start = starting_pose(slung, ground, slung.standing_q)
         assert start[2, 3] - height == pytest.approx(1e-3 - lowest, abs=TENTH_OF_A_MM)

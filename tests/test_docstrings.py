@@ -15,10 +15,15 @@ from hexakin import exceptions, installation
 ERRORS = {name for name, value in vars(exceptions).items() if isinstance(value, type)} - {"HexakinError"}
 ARRAYS = re.compile(r"\b(Array|ArrayLike|NDArray|ndarray)\b")
 SHAPE = re.compile(r"\((?:\.\.\.|[A-Za-z0-9_+* ]+)(?:, ?[A-Za-z0-9_+*. ]+)*,?\)")
-UNIT = re.compile(r"\[[^\]]+\]|\bbool|\bflag|\bwhole|\bind(ex|ices)\b|\bunit (vector|normal|quaternion)|\bunit\b|\bpose|\brotation|\bmatri|\bquaternion|\bshare|\bnumber", re.I)
-# Packages whose models have a source: the papers, as A(12) or B section 3, or the literature, with its year.
+UNIT = re.compile(
+    r"\[[^\]]+\]|\bbool|\bflag|\bwhole|\bind(ex|ices)\b|\bunit (vector|normal|quaternion)|\bunit\b|\bpose|\brotation"
+    r"|\bmatri|\bquaternion|\bshare|\bnumber",
+    re.I,
+)
+# Packages whose models have a source: the papers, as A(12) or B section 3, the literature, with its year, or "hexakin's
+# own" where there is no paper.
 SOURCED = {"kinematics", "walking", "control", "contact", "stability", "feasibility", "dynamics", "engines"}
-SOURCE = re.compile(r"\b[AB](\(\d| Fig| Table| section| Step)|\b(18|19|20)\d\d\b")
+SOURCE = re.compile(r"\b[AB](\(\d| Fig| Table| section| Step)|\b(18|19|20)\d\d\b|\bhexakin's own\b")
 PLAIN = {"self", "cls", "args", "kwargs", "options", "engine_options", "unsaid"}
 
 
@@ -30,7 +35,11 @@ def public_objects():
         module = importlib.import_module(module_name)
         names = [attribute] if attribute else getattr(module, "__all__", None)
         if names is None:
-            names = [n for n, v in vars(module).items() if not n.startswith("_") and getattr(v, "__module__", "") == module_name]
+            names = [
+                n
+                for n, v in vars(module).items()
+                if not n.startswith("_") and getattr(v, "__module__", "") == module_name
+            ]
         for name in names:
             value = getattr(module, name)
             if (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__.startswith("hexakin"):
@@ -72,13 +81,23 @@ def texts_of(value):
 
 
 def named_in(name, text):
-    return re.search(rf"(``[^`]*\b{re.escape(name)}\b[^`]*``)|(?m:^\s*[\w, ]*\b{re.escape(name)}\b[\w, ]*$)|(?m:^{re.escape(name)}\s)", text)
+    return re.search(
+        rf"(``[^`]*\b{re.escape(name)}\b[^`]*``)|(?m:^\s*[\w, ]*\b{re.escape(name)}\b[\w, ]*$)"
+        rf"|(?m:^{re.escape(name)}\s)",
+        text,
+    )
 
 
 def passage(name, text):
     """What is said of a parameter: from its name to the end of its sentence or entry, at most 200 characters."""
     at = named_in(name, text)
     return "" if at is None else text[at.start() : at.start() + 260]
+
+
+def row_of(name, text):
+    """Shape and unit of a parameter in a table of rows "``name``  (shape)  unit  meaning", or None."""
+    row = re.search(rf"(?m)^``{re.escape(name)}`` +(\([^)]+\)) {{2,}}(\S+)", text)
+    return None if row is None else row.groups()
 
 
 def raised_in(value):
@@ -109,7 +128,9 @@ def faults(name, value):
         if not named_in(parameter, text):
             said.append(f"{parameter} is not named")
         elif ARRAYS.search(annotation):
-            about = passage(parameter, text)
+            row, about = row_of(parameter, text), passage(parameter, text)
+            if row is not None and SHAPE.fullmatch(row[0]):
+                continue
             if not SHAPE.search(about):
                 said.append(f"{parameter} has no shape")
             elif not UNIT.search(about):
@@ -119,7 +140,11 @@ def faults(name, value):
             said.append("its result has no shape or unit")
     if name.split(".")[1] in SOURCED and not SOURCE.search(text + (inspect.getmodule(value).__doc__ or "")):
         said.append("no source: an equation or section of a paper, or literature")
-    said += [f"{error} is not named" for error in sorted(raised_in(value)) if error not in text and "errors as for" not in text.lower()]
+    said += [
+        f"{error} is not named"
+        for error in sorted(raised_in(value))
+        if error not in text and "errors as for" not in text.lower()
+    ]
     return said
 
 

@@ -266,7 +266,9 @@ def test_of_equally_bad_instants_the_first_is_named(athena):
     for name in ("reach", "joint limits", "balance", "torque"):
         constraint = report.constraints[name]
         assert constraint.time <= 2.05, "cycles repeat; the first, and the instant that begins the next, take 2.05 s"
-        assert constraint.worst == np.nanmin(constraint.margins)
+        assert constraint.worst == np.nanmin(constraint.slack)
+    with pytest.warns(DeprecationWarning, match="now called slack"):
+        assert constraint.margins is constraint.slack
 
 
 def changed(motion, **fields):

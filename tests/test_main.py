@@ -170,9 +170,7 @@ def test_an_interrupted_study_says_so_leaves_no_worker_and_goes_on(here, monkeyp
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does, which reaches all of a terminal's processes
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and out == ""
-    assert err.splitlines()[-1] == (
-        "hexakin: interrupted; what was finished is kept, and the same call goes on from there"
-    )
+    assert err.splitlines()[-1] == "hexakin: interrupted; finished runs are kept; repeat the same call to continue"
     assert "Traceback" not in err and "Warning" not in err
     deadline = time.monotonic() + 60.0
     while (left := living(process.pid)) and time.monotonic() < deadline:
@@ -202,7 +200,7 @@ def test_a_full_disk_stops_a_study_which_goes_on_when_there_is_room(here):
     path = here / "results" / "mine.journal"
     done = subprocess.run([*call, "2000"], capture_output=True, text=True)
     assert done.returncode == 1 and done.stdout == ""
-    said = "File too large; what was finished is kept, and the same call goes on from there"
+    said = "File too large; finished runs are kept; repeat the same call to continue"
     assert done.stderr == f"hexakin: {os.path.join('results', 'mine.journal')}: {said}\n"
     records, dropped = journal.read(path)
     finished = {record["run"]["seed"] for record in records if "run" in record}

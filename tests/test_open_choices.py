@@ -46,7 +46,7 @@ def test_a_failed_run_takes_its_trajectory_out(table):
     failed.loc[0, ["status", "height"]] = ["SimulationError: fell", np.nan]
     assert effects(failed).mu_star["stride"] == pytest.approx(3.0 * 0.030)
     failed.loc[failed.index[: -2 * (len(NAMES) + 1)], "status"] = "SimulationError: fell"
-    with pytest.raises(InvalidInputError, match="1 whole trajectories"):
+    with pytest.raises(InvalidInputError, match="1 trajectories without a failed run"):
         effects(failed)
 
 

@@ -94,12 +94,12 @@ def test_a_simulated_robot_goes_as_far_as_it_is_told_and_does_not_fall(count, en
 @pytest.mark.parametrize("count", ROBOTS)
 def test_a_commanded_walk_is_checked(count, planned):
     report = check(ROBOTS[count], planned[count], PLANE)
-    margins = {name: constraint.worst for name, constraint in report.constraints.items()}
+    slack = {name: constraint.worst for name, constraint in report.constraints.items()}
     if count == 4:  # a crawl of duty factor 3/4 is on the edge
-        assert report.binding == ("balance",) and -0.003 < margins["balance"] < 0.0
+        assert report.binding == ("balance",) and -0.003 < slack["balance"] < 0.0
     else:
-        assert report.feasible and margins["balance"] > 0.05
-    assert margins["joint speed"] > 0.0 and margins["torque"] > 0.5
+        assert report.feasible and slack["balance"] > 0.05
+    assert slack["joint speed"] > 0.0 and slack["torque"] > 0.5
     slippery = check(ROBOTS[count], planned[count], hk.terrain.Ramp(0.3), friction=0.1)
     assert not slippery.feasible
 
@@ -108,7 +108,7 @@ def test_four_legs_are_stable_on_their_way_with_a_longer_stance():
     robot = ROBOTS[4]
     controller = SteeringController(robot, Twist(0.007), wave(robot, 0.85), cycle_duration=20.0 / 3.0, response=0.5)
     plan = commanded_walk(controller, PLANE, num_cycles=3, control_rate=10.0)
-    balance = check(robot, plan, PLANE).constraints["balance"].margins
+    balance = check(robot, plan, PLANE).constraints["balance"].slack
     last = plan.time > plan.time[-1] - controller.cycle_duration
     assert balance[last].min() > 0.001 > balance[~last].min()
 

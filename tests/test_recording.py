@@ -58,12 +58,12 @@ def test_damage_anywhere_is_a_named_error_or_harmless(saved, rng):
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"q": np.zeros((20, 5))}, "not those of a recording"),
+        ({"q": np.zeros((20, 5))}, "not the shapes of a recording"),
         ({"height": np.array(["high"] * 120)}, "height has shape"),
         ({"foot_force": np.zeros((120, 4))}, r"foot_force has shape \(120, 4\)"),
-        ({"time": np.zeros(0)}, "not those of a recording"),
-        ({"parameters": "[]"}, "its parameters lack"),
-        ({"parameters": "{}"}, "its parameters lack"),
+        ({"time": np.zeros(0)}, "not the shapes of a recording"),
+        ({"parameters": "[]"}, "its parameters must contain"),
+        ({"parameters": "{}"}, "its parameters must contain"),
     ],
 )
 def test_a_recording_with_other_contents_is_a_named_error(saved, change, message):

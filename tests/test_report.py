@@ -57,8 +57,8 @@ def test_the_report_has_a_page_for_every_notebook_and_an_index(tmp_path, capsys)
     write(tmp_path, "a_works", "print(6 * 7)")
     write(tmp_path, "b_works", "x = 1")
     assert main([str(tmp_path), str(tmp_path / "report")]) == 0
-    assert "42" in (tmp_path / "report" / "a_works.html").read_text()
-    index = (tmp_path / "report" / "index.html").read_text()
+    assert "42" in (tmp_path / "report" / "a_works.html").read_text(encoding="utf-8")
+    index = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     assert 'href="a_works.html"' in index and "Title of b_works" in index
     assert "2 of 2 notebooks ran to the end" in index and "Python 3." in index and "numpy" in index
     printed = capsys.readouterr().out.splitlines()
@@ -66,7 +66,7 @@ def test_the_report_has_a_page_for_every_notebook_and_an_index(tmp_path, capsys)
 
 
 def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
-    (tmp_path / "README.md").write_text(TABLE)
+    (tmp_path / "README.md").write_text(TABLE, encoding="utf-8")
     folder = tmp_path / "notebooks"
     folder.mkdir()
     write(folder, "a_fails", f"{DRAW}\n'B Fig. 2'", "raise ValueError('a reason')", "print('never')  # 'A Fig. 17'")
@@ -74,8 +74,8 @@ def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
     assert main([str(folder), str(tmp_path / "report")]) == 1
     printed = capsys.readouterr().out
     assert "FAILED: ValueError: a reason" in printed and "without a picture" not in printed
-    assert "after" in (tmp_path / "report" / "b_works.html").read_text()
-    index = (tmp_path / "report" / "index.html").read_text()
+    assert "after" in (tmp_path / "report" / "b_works.html").read_text(encoding="utf-8")
+    index = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     assert "1 of 2 notebooks ran to the end" in index and "1 failed" in index
     assert "3 of the papers&#39; 5 figures" in index
     assert '>a_fails</a>, <span class="bad">which failed: ValueError: a reason' in index
@@ -86,7 +86,7 @@ def test_a_failing_notebook_is_named_and_the_others_still_run(tmp_path, capsys):
 
 
 def test_a_figure_that_its_notebook_does_not_draw_is_named(tmp_path, capsys):
-    (tmp_path / "README.md").write_text(TABLE.split("| B Fig. 2")[0].replace("a_fails", "b_works"))
+    (tmp_path / "README.md").write_text(TABLE.split("| B Fig. 2")[0].replace("a_fails", "b_works"), encoding="utf-8")
     (tmp_path / "notebooks").mkdir()
     write(tmp_path / "notebooks", "b_works", f"{DRAW}\n'A Fig. 9(a)'; 'A Fig. 16(b)'", "print('A Fig. 17')")
     assert main([str(tmp_path / "notebooks"), str(tmp_path / "report")]) == 1
@@ -97,7 +97,7 @@ def test_a_kernel_that_dies_is_an_error_like_others(tmp_path):
     write(tmp_path, "a_dies", "import os", "os._exit(3)")
     write(tmp_path, "b_works", "x = 1")
     assert main([str(tmp_path), str(tmp_path / "report")]) == 1
-    assert "DeadKernelError: Kernel died" in (tmp_path / "report" / "index.html").read_text()
+    assert "DeadKernelError: Kernel died" in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     assert (tmp_path / "report" / "b_works.html").is_file()
 
 
@@ -115,7 +115,7 @@ def test_an_interrupted_report_keeps_what_is_done_and_says_what_is_not(tmp_path)
     _, said = process.communicate(timeout=300)
     assert process.returncode == 130 and "Interrupted" in said and "Traceback" not in said
     assert sorted(path.name for path in report.iterdir()) == ["a_works.html", "index.html", "pictures"]
-    index = (report / "index.html").read_text()
+    index = (report / "index.html").read_text(encoding="utf-8")
     assert "1 of 3 notebooks ran to the end" in index and "; 2 not run." in index
     assert 'href="a_works.html"' in index and 'href="b_sleeps.html"' not in index
 
@@ -125,8 +125,8 @@ def test_stored_outputs_are_shown_without_a_run(tmp_path):
     notebook.cells[1].outputs = [nbformat.v4.new_output("stream", text="then")]
     nbformat.write(notebook, tmp_path / "a_stored.ipynb")
     assert main([str(tmp_path), str(tmp_path / "report"), "--stored"]) == 0
-    assert ">then" in (tmp_path / "report" / "a_stored.html").read_text()
-    assert "stored outputs, not run" in (tmp_path / "report" / "index.html").read_text()
+    assert ">then" in (tmp_path / "report" / "a_stored.html").read_text(encoding="utf-8")
+    assert "stored outputs, not run" in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     assert not (tmp_path / "reached").exists()
 
 
@@ -151,7 +151,7 @@ def test_sliders_are_a_picture_in_the_report(tmp_path):
     cell = "import hexakin as hk\nhk.sliders.body_pose(hk.load_robot('athena'))"
     write(tmp_path, "a_slides", cell)
     assert main([str(tmp_path), str(tmp_path / "report")]) == 0
-    page = (tmp_path / "report" / "a_slides.html").read_text()
+    page = (tmp_path / "report" / "a_slides.html").read_text(encoding="utf-8")
     assert 'src="data:image/png;base64,' in page and "widget-view" not in page
 
 

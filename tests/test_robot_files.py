@@ -104,7 +104,7 @@ IMPOSSIBLE = {
     "no speed": (put("servo", "max_speed", 6500.0), "servo.max_speed: 6500 rad/s, expected 0.01 to 1000"),
     "a joint with a part's name": (
         lambda tree: rename_joint(tree, "theta_2", "foot"),
-        "leg_table.joints: foot is taken by a part of every leg",
+        "leg_table.joints: foot is already the name of a part of every leg",
     ),
     "a length that is an angle": (
         put("leg_table", "rows", 2, "alpha", "l_3"),

@@ -8,19 +8,20 @@ import pytest
 import yaml
 
 import hexakin as hk
+from hexakin import robot_summary
 from hexakin.installation import DATA
 from hexakin.kinematics.leg_functions import reach
 from hexakin.robot.file import robot_from_tree, robot_names
 from hexakin.robot.schema import MASS
 from hexakin.robot.schema_page import example, page, paths
-from hexakin.robot_summary import remarks, summary
+from hexakin.robot_summary import remarks, summarise
 
 ATHENA = yaml.safe_load((DATA / "robots" / "athena.yaml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
 def lines(athena):
-    return summary(athena).splitlines()
+    return summarise(athena).splitlines()
 
 
 def test_the_masses_of_the_bodies_sum_to_the_robots(athena, lines):
@@ -70,7 +71,7 @@ UNUSUAL = {
     ),
     "more inertia than the box holds": (
         lambda tree: tree["torso"]["inertia"].update(yy=4.6e-3, zz=5.5e-3),
-        "torso.inertia.yy: 1.5 times the most that mass within its box can have",
+        "torso.inertia.yy: 1.5 times the largest that mass within its box can have",
     ),
     "a mass in a point": (
         lambda tree: tree["torso"].update(inertia={"xx": 1e-4, "yy": 1e-4, "zz": 1e-4}),
@@ -83,7 +84,7 @@ UNUSUAL = {
     ),
     "a torque in N mm": (
         lambda tree: tree["servo"].update(max_torque=1890.0),
-        r"servo.max_torque: 1890 N m is 39\d of what one stretched leg needs .*; is it in N m\?",
+        r"servo.max_torque: 1890 N m is 39\d times what one stretched leg needs .*; is it in N m\?",
     ),
     "a coxa in metres": (
         lambda tree: tree["leg_table"]["parameters"].update(l_2_mm=0.064),
@@ -99,7 +100,7 @@ def test_what_is_unusual_is_remarked_on_and_not_refused(change, message):
     change(tree)
     robot = robot_from_tree(tree, "mine.yaml")
     found = [remark for remark in remarks(robot) if re.match(message, remark)]
-    assert len(found) == 1 and f"remark: {found[0]}\n" in summary(robot)
+    assert len(found) == 1 and f"remark: {found[0]}\n" in summarise(robot)
 
 
 def test_legs_that_are_not_listed_around_the_body_are_remarked_on():
@@ -120,6 +121,14 @@ def test_shipped_robots_list_their_legs_around_the_body(name):
 
 def test_athena_is_not_remarked_on(athena):
     assert remarks(athena) == ()
+
+
+def test_the_old_name_of_summarise_still_works_and_warns():
+    with pytest.warns(DeprecationWarning, match=r"hexakin\.robot_summary\.summary is now called summarise"):
+        old = robot_summary.summary
+    assert old is summarise
+    with pytest.raises(AttributeError, match="no attribute 'page'"):
+        robot_summary.page  # noqa: B018
 
 
 # The page about the file -------------------------------------------------------------------------------------------
@@ -154,7 +163,7 @@ def test_every_number_has_a_unit_and_bounds():
 def test_every_example_is_within_its_bounds_and_the_example_file_loads():
     robot = robot_from_tree(example(), "example")
     assert robot.num_legs == 6 and remarks(robot) == (
-        "servo.max_speed: not given; checks of feasibility leave speeds out",
+        "servo.max_speed: not given; feasibility checks then do not check joint speeds",
     )
     for path, field in paths().items():
         value, bounds = field.examples[0], field.json_schema_extra["bounds"]

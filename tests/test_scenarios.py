@@ -47,8 +47,10 @@ def test_a_walk_with_too_few_cycles_is_an_error(one_cycle):
 
 
 def test_a_sample_without_values_has_missing_numbers_not_wrong_ones():
-    assert all(np.isnan(value) for value in experiments.summary("x", []).values())
-    assert experiments.summary("x", [1.0, 2.0, 3.0])["x_median"] == 2.0
+    assert all(np.isnan(value) for value in experiments.five_columns("x", []).values())
+    assert experiments.five_columns("x", [1.0, 2.0, 3.0])["x_median"] == 2.0
+    with pytest.warns(DeprecationWarning, match="now called five_columns"):
+        assert experiments.summary is experiments.five_columns
 
 
 def test_unknown_scenarios_and_layouts_are_named():

@@ -10,10 +10,10 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.stability.polygon import margin, support_polygon
 from hexakin.stability.stance import (
     Contacts,
+    contacts_of,
     energy_margin,
     longitudinal_margin,
     polygon_margin,
-    stance_of,
     zmp_on_plane,
 )
 from hexakin.stability.time_series import zero_moment_point
@@ -40,31 +40,31 @@ def posed(request, rng):
 def test_a_standing_athena_touches_the_ground_one_radius_below_its_feet(athena):
     T = pose(np.eye(3), [0.3, -0.2, 0.084 + athena.foot_radius])
     carrying = np.array([True, False, True, True, False, True])
-    stance = stance_of(athena, T, athena.standing_q, carrying, hk.terrain.Plane())
+    contacts = contacts_of(athena, T, athena.standing_q, carrying, hk.terrain.Plane())
     feet = hk.forward_kinematics(athena, athena.standing_q)[carrying]
-    assert stance.points == pytest.approx(np.column_stack([feet[:, :2] + [0.3, -0.2], np.zeros(4)]), abs=1e-12)
-    assert np.array_equal(stance.normals, np.tile(UP, (4, 1)))
-    assert np.array_equal(stance.friction, np.full(4, 0.9))
-    assert stance.mass == athena.mass and stance.num_contacts == 4
-    assert stance.center_of_mass[:2] == pytest.approx([0.3, -0.2], abs=1e-9), "six equal legs all around"
-    assert stance.torque_rows is None and stance.torque_bounds is None
+    assert contacts.points == pytest.approx(np.column_stack([feet[:, :2] + [0.3, -0.2], np.zeros(4)]), abs=1e-12)
+    assert np.array_equal(contacts.normals, np.tile(UP, (4, 1)))
+    assert np.array_equal(contacts.friction, np.full(4, 0.9))
+    assert contacts.mass == athena.mass and contacts.num_contacts == 4
+    assert contacts.center_of_mass[:2] == pytest.approx([0.3, -0.2], abs=1e-9), "six equal legs all around"
+    assert contacts.torque_rows is None and contacts.torque_bounds is None
 
 
 def test_on_a_ramp_the_contacts_lie_along_the_normal_from_the_feet(athena):
     ramp = hk.terrain.Ramp(slope=0.3)
     normal = ramp.normal(0.0, 0.0)
-    stance = stance_of(athena, pose(np.eye(3), [0, 0, 0.2]), athena.standing_q, np.ones(6, dtype=bool), ramp)
+    contacts = contacts_of(athena, pose(np.eye(3), [0, 0, 0.2]), athena.standing_q, np.ones(6, dtype=bool), ramp)
     feet = hk.forward_kinematics(athena, athena.standing_q) + [0, 0, 0.2]
-    assert stance.points == pytest.approx(feet - athena.foot_radius * normal, abs=1e-12)
-    assert stance.normals == pytest.approx(np.tile(normal, (6, 1)))
+    assert contacts.points == pytest.approx(feet - athena.foot_radius * normal, abs=1e-12)
+    assert contacts.normals == pytest.approx(np.tile(normal, (6, 1)))
 
 
 def test_each_leg_can_have_its_own_friction_and_no_leg_need_carry(athena):
     each = np.linspace(0.1, 0.6, 6)
     carrying = np.array([False, True, False, False, True, False])
-    stance = stance_of(athena, np.eye(4), athena.standing_q, carrying, hk.terrain.Plane(), friction=each)
-    assert np.array_equal(stance.friction, [0.2, 0.5])
-    nothing = stance_of(
+    contacts = contacts_of(athena, np.eye(4), athena.standing_q, carrying, hk.terrain.Plane(), friction=each)
+    assert np.array_equal(contacts.friction, [0.2, 0.5])
+    nothing = contacts_of(
         athena, np.eye(4), athena.standing_q, ~np.ones(6, dtype=bool), hk.terrain.Plane(), torque_limits=True
     )
     assert nothing.num_contacts == 0 and nothing.torque_rows.shape == (0, 6, 3)
@@ -86,9 +86,11 @@ def test_the_center_of_mass_is_where_the_potential_energy_has_it(posed):
 def test_torques_of_the_legs_are_those_of_inverse_dynamics_with_the_forces_at_the_contacts(posed, rng):
     """max_torque less what is left of the bounds, against Pinocchio's recursion with forces on the tibiae."""
     robot, T, q = posed
-    stance = stance_of(robot, T, q, np.ones(6, dtype=bool), hk.terrain.Ramp(slope=0.4, heading=0.7), torque_limits=True)
+    contacts = contacts_of(
+        robot, T, q, np.ones(6, dtype=bool), hk.terrain.Ramp(slope=0.4, heading=0.7), torque_limits=True
+    )
     force = rng.normal(size=(6, 3)) * 10.0
-    left = stance.torque_bounds - np.einsum("imc,ic->im", stance.torque_rows, force)
+    left = contacts.torque_bounds - np.einsum("imc,ic->im", contacts.torque_rows, force)
     limit = robot.servo.max_torque
     model, at = dynamics.build_model(robot), dynamics.configuration(robot, T, q)
     data = model.createData()
@@ -96,7 +98,7 @@ def test_torques_of_the_legs_are_those_of_inverse_dynamics_with_the_forces_at_th
     outer = [pin.Force.Zero() for _ in range(model.njoints)]
     for leg in range(6):
         joint = model.frames[model.getFrameId(f"foot_{leg + 1}")].parentJoint
-        in_world = pin.Force(force[leg], np.cross(stance.points[leg], force[leg]))
+        in_world = pin.Force(force[leg], np.cross(contacts.points[leg], force[leg]))
         outer[joint] = data.oMi[joint].actInv(in_world)
     torque = pin.rnea(model, data, at, np.zeros(24), np.zeros(24), outer)[6:].reshape(6, 3)
     assert limit - left[:, :3] == pytest.approx(torque, abs=1e-9)
@@ -106,7 +108,7 @@ def test_torques_of_the_legs_are_those_of_inverse_dynamics_with_the_forces_at_th
 def test_the_rows_do_the_work_of_the_force_on_the_moving_contact(posed):
     """Virtual work: minus the rows are finite differences of the point of the foot that touches."""
     robot, T, q = posed
-    stance = stance_of(robot, T, q, np.ones(6, dtype=bool), hk.terrain.Ramp(slope=0.4), torque_limits=True)
+    contacts = contacts_of(robot, T, q, np.ones(6, dtype=bool), hk.terrain.Ramp(slope=0.4), torque_limits=True)
     model, at, h = dynamics.build_model(robot), dynamics.configuration(robot, T, q), 1e-6
     data = model.createData()
 
@@ -115,21 +117,21 @@ def test_the_rows_do_the_work_of_the_force_on_the_moving_contact(posed):
         return data.oMf[model.getFrameId(f"foot_{leg + 1}")].copy()
 
     for leg in range(6):
-        touching = foot(leg, at).actInv(stance.points[leg])
+        touching = foot(leg, at).actInv(contacts.points[leg])
         for joint in range(3):
             rate = np.zeros(24)
             rate[6 + 3 * leg + joint] = h
             ahead, behind = (foot(leg, pin.integrate(model, at, s * rate)).act(touching) for s in (1, -1))
-            assert -stance.torque_rows[leg, joint] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
+            assert -contacts.torque_rows[leg, joint] == pytest.approx((ahead - behind) / (2 * h), abs=1e-8)
 
 
 def test_a_stance_cannot_be_written_to_and_keeps_nothing_of_its_input():
     points = RECTANGLE.copy()
-    stance = standing_on(points, [0.2, 0.7, 1.0])
+    contacts = standing_on(points, [0.2, 0.7, 1.0])
     points[0] = 9.0
-    assert np.array_equal(stance.points, RECTANGLE)
+    assert np.array_equal(contacts.points, RECTANGLE)
     with pytest.raises(ValueError, match="read-only"):
-        stance.points[0] = 1.0
+        contacts.points[0] = 1.0
 
 
 def test_polygon_margin_is_seen_from_above(rng):
@@ -140,18 +142,20 @@ def test_polygon_margin_is_seen_from_above(rng):
 
 @pytest.mark.parametrize("feet", [np.zeros((0, 3)), RECTANGLE[:2], [[0, 0, 0], [1, 1, 0], [2, 2, 1.0]]])
 def test_without_a_polygon_the_margins_are_undefined(feet):
-    stance = standing_on(feet, [0.2, 0.7, 1.0])
-    energy = energy_margin(stance)
-    assert np.isnan(polygon_margin(stance)) and np.isnan(longitudinal_margin(stance, 0.3)) and np.isnan(energy.margin)
+    contacts = standing_on(feet, [0.2, 0.7, 1.0])
+    energy = energy_margin(contacts)
+    assert (
+        np.isnan(polygon_margin(contacts)) and np.isnan(longitudinal_margin(contacts, 0.3)) and np.isnan(energy.margin)
+    )
     assert energy.per_edge.shape == (0,) and energy.edges.shape == (0, 2)
 
 
 def test_longitudinal_margin_is_the_smaller_way_to_the_front_and_rear_edge():
-    stance = standing_on(RECTANGLE, [0.2, 0.7, 1.0])
-    assert longitudinal_margin(stance, 0.0) == pytest.approx(0.2), "to the rear, where the edge is nearer"
-    assert longitudinal_margin(stance, np.pi) == pytest.approx(0.2), "walking the other way the same edge is in front"
-    assert longitudinal_margin(stance, np.pi / 2) == pytest.approx(0.7)
-    assert longitudinal_margin(stance, np.pi / 4) == pytest.approx(0.2 * np.sqrt(2.0))
+    contacts = standing_on(RECTANGLE, [0.2, 0.7, 1.0])
+    assert longitudinal_margin(contacts, 0.0) == pytest.approx(0.2), "to the rear, where the edge is nearer"
+    assert longitudinal_margin(contacts, np.pi) == pytest.approx(0.2), "walking the other way the same edge is in front"
+    assert longitudinal_margin(contacts, np.pi / 2) == pytest.approx(0.7)
+    assert longitudinal_margin(contacts, np.pi / 4) == pytest.approx(0.2 * np.sqrt(2.0))
 
 
 def test_outside_the_longitudinal_margin_is_the_way_back_or_there_is_none():
@@ -169,14 +173,14 @@ def test_the_distance_to_the_edge_is_the_least_longitudinal_margin_over_all_head
     for _ in range(20):
         feet, center = rng.normal(size=(6, 3)), rng.normal(size=3) * 0.3
         if margin(center[:2], support_polygon(feet)) > 0.0:
-            stance = standing_on(feet, center)
-            least = min(longitudinal_margin(stance, angle) for angle in np.linspace(0.0, np.pi, 301))
-            assert least == pytest.approx(polygon_margin(stance), rel=1e-4)
+            contacts = standing_on(feet, center)
+            least = min(longitudinal_margin(contacts, angle) for angle in np.linspace(0.0, np.pi, 301))
+            assert least == pytest.approx(polygon_margin(contacts), rel=1e-4)
 
 
 def test_energy_margins_of_the_reference_rectangle():
-    stance = standing_on(RECTANGLE, [0.2, 0.7, 1.0])
-    result = energy_margin(stance)
+    contacts = standing_on(RECTANGLE, [0.2, 0.7, 1.0])
+    result = energy_margin(contacts)
     middle = RECTANGLE[result.edges].mean(axis=1)[:, :2].tolist()
     distance = {(0.0, 1.0): 0.2, (0.5, 2.0): 1.3, (1.0, 1.0): 0.8, (0.5, 0.0): 0.7}
     height = {(0.0, 1.0): 0.019804, (0.5, 2.0): 0.640122, (1.0, 1.0): 0.280625, (0.5, 0.0): 0.220656}
@@ -299,13 +303,13 @@ def test_bad_torque_limits_are_named():
 def test_bad_poses_and_planes_are_named(athena):
     every, ground = np.ones(6, dtype=bool), hk.terrain.Plane()
     with pytest.raises(InvalidInputError, match="carrying: expected 6 booleans, got int64"):
-        stance_of(athena, np.eye(4), athena.standing_q, np.ones(6, dtype=int), ground)
+        contacts_of(athena, np.eye(4), athena.standing_q, np.ones(6, dtype=int), ground)
     with pytest.raises(InvalidInputError, match="q: expected shape"):
-        stance_of(athena, np.eye(4), np.zeros((2, 6, 3)), every, ground)
+        contacts_of(athena, np.eye(4), np.zeros((2, 6, 3)), every, ground)
     with pytest.raises(InvalidInputError, match=r"friction: expected shape \(\.\.\., 6\), got \(5,\)"):
-        stance_of(athena, np.eye(4), athena.standing_q, every, ground, friction=np.ones(5))
+        contacts_of(athena, np.eye(4), athena.standing_q, every, ground, friction=np.ones(5))
     with pytest.raises(InvalidInputError, match="robot: expected what hexakin"):
-        stance_of("athena", np.eye(4), athena.standing_q, every, ground)
+        contacts_of("athena", np.eye(4), athena.standing_q, every, ground)
     with pytest.raises(InvalidInputError, match="heading: nan"):
         longitudinal_margin(standing_on(RECTANGLE, UP), np.nan)
     with pytest.raises(InvalidInputError, match="normal: length 2, expected 1"):
@@ -319,5 +323,7 @@ def test_bad_poses_and_planes_are_named(athena):
 def test_the_class_of_contacts_keeps_its_old_name_for_a_release():
     with pytest.warns(DeprecationWarning, match="now called Contacts"):
         assert hk.stance.Stance is Contacts
+    with pytest.warns(DeprecationWarning, match="contacts_of"):
+        assert hk.stance.stance_of is contacts_of
     with pytest.raises(AttributeError, match="no attribute 'Posture'"):
         _ = hk.stance.Posture

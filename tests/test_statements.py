@@ -8,7 +8,7 @@ import pytest
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS
-from hexakin.papers.statements import claim, counts, robustness, statements, summary, verdicts
+from hexakin.papers.statements import claim, counts, robustness, statements, verdict_table, verdicts
 from hexakin.papers.verdicts import Statement, change_percent, columns_of, judge
 
 HEADER = "id,figure,scenario,factor,at,measure,statistic,kind,value,tolerance,wording\n"
@@ -222,10 +222,10 @@ def test_a_scenario_that_an_engine_did_not_run_has_no_rows_and_a_part_has_no_dat
     table = verdicts(study)
     assert set(table.loc[table["engine"] == "pybullet", "scenario"]) == {"ramp"}
     assert (table.loc[(table["engine"] == "rigid") & (table["factor"] == "k_beta"), "verdict"] == "no data").all()
-    lines = summary(table).splitlines()
+    lines = verdict_table(table).splitlines()
     assert lines[0] == "| figure | the paper says | pybullet | rigid |"
     assert [line.split(" | ")[1] for line in lines[2:]] == [claim(s) for s in statements().values()]
-    assert summary(table) == summary(table.sample(frac=1.0, random_state=0).sort_index())
+    assert verdict_table(table) == verdict_table(table.sample(frac=1.0, random_state=0).sort_index())
 
 
 def test_the_summary_says_effect_interval_and_verdict_to_three_digits():
@@ -237,14 +237,14 @@ def test_the_summary_says_effect_interval_and_verdict_to_three_digits():
     height = Statement(*("h", "A 10a", "ramp", "k_z", (0.8,), "height", "median", "value", 1.52, 0.005, ""))
     missing = Statement(*("m", "A 10a", "ramp", "k_z", (1.0,), "height", "median", "highest", math.nan, math.nan, ""))
     found = verdicts(table, [statement("change_percent", 60.0, 0.005), never, height, missing])
-    assert summary(found).splitlines()[2:] == [
+    assert verdict_table(found).splitlines()[2:] == [
         "| A 0, ramp | k_z = 0.8: height median +60 % | +51.9 % [50.5, 53.2] same direction |",
         "| A 17, ramp | k_z = 0.8: torso contact at no tick | 0 [0, 0] reproduced |",
         "| A 10a, ramp | k_z = 0.8: height median 1.52 m | 1.52 m [1.51, 1.53] reproduced |",
         "| A 10a, ramp | k_z = 1: height median highest | no data |",
     ]
     nudged = table.assign(height_median=table["height_median"] * (1.0 + 1e-12))
-    assert summary(verdicts(nudged, [height])) == summary(verdicts(table, [height]))
+    assert verdict_table(verdicts(nudged, [height])) == verdict_table(verdicts(table, [height]))
 
 
 def test_counts_and_robustness_compare_engines_and_steps():
@@ -258,7 +258,7 @@ def test_counts_and_robustness_compare_engines_and_steps():
     assert robustness(engines).loc["id"].to_list() == ["differ", "one", ""]
     steps = verdicts(pd.concat([case(1.5), case(0.5, time_step=0.005)]), s)
     assert robustness(steps).loc["id"].to_list() == ["one", "differ", ""]
-    assert summary(steps).startswith("| figure | the paper says | pybullet, 1 ms | pybullet, 5 ms |\n")
+    assert verdict_table(steps).startswith("| figure | the paper says | pybullet, 1 ms | pybullet, 5 ms |\n")
     assert counts(engines).loc["reproduced"].to_dict() == {"pybullet": 1, "rigid": 0}
     assert counts(engines).loc["not reproduced"].to_dict() == {"pybullet": 0, "rigid": 1}
     assert counts(agree).index.to_list() == ["reproduced", "same direction", "not reproduced", "no data"]
@@ -325,3 +325,8 @@ def test_a_file_with_other_columns_is_named(tmp_path):
     path.write_text("id,figure\na,A 1\n")
     with pytest.raises(InvalidInputError, match=r"bad\.csv: line 1: expected the columns id, figure, scenario"):
         statements(path=path)
+
+
+def test_the_verdict_table_keeps_its_old_name_for_a_release():
+    with pytest.warns(DeprecationWarning, match="now called verdict_table"):
+        assert hk.paper.summary is verdict_table

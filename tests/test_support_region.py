@@ -12,7 +12,7 @@ from hexakin import support_region as room
 from hexakin.exceptions import InvalidInputError, SolverError
 from hexakin.robot.model import GRAVITY
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.stability.stance import Contacts, stance_of
+from hexakin.stability.stance import Contacts, contacts_of
 from hexakin.stability.support_region import region_margin, support, support_region
 from hexakin.transforms import pose, rpy_rotation
 
@@ -38,7 +38,7 @@ def bent_athena(athena, rng, max_torque=1.89):
     T = pose(rpy_rotation(rng.uniform(-0.2, 0.2, 3)), [0.0, 0.0, 0.1])
     q = robot.standing_q + rng.uniform(-0.3, 0.3, (6, 3))
     ground, every = SimpleNamespace(normal=lambda x, y: uneven(rng).normals), np.ones(6, dtype=bool)
-    return stance_of(robot, T, q, every, ground, friction=0.6, torque_limits=True)
+    return contacts_of(robot, T, q, every, ground, friction=0.6, torque_limits=True)
 
 
 def directions(rng, count):
@@ -51,11 +51,11 @@ def apart(polygon, other):
     return max(-margin(p, to) for a, to in ((polygon, other), (other, polygon)) for p in a)
 
 
-def furthest(stance, ways, facets=16, torque_limits=False):
+def furthest(contacts, ways, facets=16, torque_limits=False):
     """The support function written for forces in newtons along x, y, z, friction by the pyramid's faces; or None."""
-    k, weight = stance.num_contacts, stance.mass * GRAVITY
+    k, weight = contacts.num_contacts, contacts.mass * GRAVITY
     faces = []
-    for i, (n, mu) in enumerate(zip(stance.normals, stance.friction, strict=True)):
+    for i, (n, mu) in enumerate(zip(contacts.normals, contacts.friction, strict=True)):
         first = np.array(UP) - n[2] * n if abs(n[2]) < 1.0 else np.array([1.0, 0.0, 0.0])
         first = first / np.linalg.norm(first)
         second = np.cross(n, first)
@@ -67,11 +67,11 @@ def furthest(stance, ways, facets=16, torque_limits=False):
             faces.append(row)
     rows, limits = np.array(faces), np.zeros(len(faces))
     if torque_limits:
-        blocks = np.zeros((k * stance.torque_rows.shape[1], 3 * k))
-        for i, block in enumerate(stance.torque_rows):
+        blocks = np.zeros((k * contacts.torque_rows.shape[1], 3 * k))
+        for i, block in enumerate(contacts.torque_rows):
             blocks[i * len(block) : (i + 1) * len(block), 3 * i : 3 * i + 3] = block
-        rows, limits = np.vstack([rows, blocks]), np.r_[limits, stance.torque_bounds.ravel()]
-    x, y, z = stance.points.T
+        rows, limits = np.vstack([rows, blocks]), np.r_[limits, contacts.torque_bounds.ravel()]
+    x, y, z = contacts.points.T
     zero = np.zeros(k)
     balance = np.array(
         [np.tile([1, 0, 0], k), np.tile([0, 1, 0], k), np.tile([0, 0, 1], k), np.stack([-y, x, zero], axis=1).ravel()]
@@ -111,18 +111,18 @@ def test_on_a_slope_above_the_friction_angle_the_region_is_empty(rng, facets):
     for heading in rng.uniform(-np.pi, np.pi, 3):
         ramp = hk.terrain.Ramp(slope=np.arctan(0.6) + 1e-6, heading=heading)
         xy = 0.2 * rng.normal(size=(6, 2))
-        stance = standing(np.column_stack([xy, ramp.height(*xy.T)]), ramp.normal(0.0, 0.0), 0.6)
-        region = support_region(stance, facets=facets)
-        assert region.empty and region.vertices.shape == (0, 2) and region_margin(stance, facets=facets) == -np.inf
+        contacts = standing(np.column_stack([xy, ramp.height(*xy.T)]), ramp.normal(0.0, 0.0), 0.6)
+        region = support_region(contacts, facets=facets)
+        assert region.empty and region.vertices.shape == (0, 2) and region_margin(contacts, facets=facets) == -np.inf
 
 
 def test_on_uneven_ground_all_of_1000_directions_agree_with_another_linear_program(rng):
     agreed = held = 0
     for case in range(50):
-        stance = uneven(rng, k=3 + case % 4)
+        contacts = uneven(rng, k=3 + case % 4)
         ways = directions(rng, 20)
-        result, polygon = support(stance, ways), support_region(stance).vertices
-        others = furthest(stance, ways)
+        result, polygon = support(contacts, ways), support_region(contacts).vertices
+        others = furthest(contacts, ways)
         for way, distance, defined, expected in zip(ways, result.distance, result.defined, others, strict=True):
             if expected is None:
                 agreed += not defined and len(polygon) == 0
@@ -136,10 +136,10 @@ def test_on_uneven_ground_all_of_1000_directions_agree_with_another_linear_progr
 def test_with_torque_limits_all_of_200_directions_agree_with_another_linear_program(athena, rng):
     for torque in (0.4, 0.7, 1.0, 1.89):
         for _ in range(5):
-            stance, ways = bent_athena(athena, rng, torque), directions(rng, 10)
-            result = support(stance, ways, torque_limits=True)
-            polygon = support_region(stance, torque_limits=True).vertices
-            others = furthest(stance, ways, torque_limits=True)
+            contacts, ways = bent_athena(athena, rng, torque), directions(rng, 10)
+            result = support(contacts, ways, torque_limits=True)
+            polygon = support_region(contacts, torque_limits=True).vertices
+            others = furthest(contacts, ways, torque_limits=True)
             for way, distance, defined, expected in zip(ways, result.distance, result.defined, others, strict=True):
                 assert defined == (expected is not None) == (len(polygon) > 0)
                 if expected is not None:
@@ -150,8 +150,8 @@ def test_with_torque_limits_all_of_200_directions_agree_with_another_linear_prog
 def test_weaker_servos_hold_the_center_of_mass_in_fewer_places_and_at_last_in_none(athena):
     sizes = []
     for torque in (50.0, 1.89, 0.8, 0.5, 0.05):
-        stance = bent_athena(athena, np.random.default_rng(3), torque)
-        free, limited = support_region(stance), support_region(stance, torque_limits=True)
+        contacts = bent_athena(athena, np.random.default_rng(3), torque)
+        free, limited = support_region(contacts), support_region(contacts, torque_limits=True)
         assert all(margin(p, free.vertices) > -1e-6 for p in limited.vertices)
         sizes.append(0.0 if limited.empty else np.ptp(limited.vertices, axis=0).prod())
     assert sizes[0] > sizes[2] > sizes[3] > sizes[4] == 0.0
@@ -165,17 +165,17 @@ def test_two_inward_contacts_hold_less_than_the_segment_between_them_by_the_thre
     tilted = np.array([[np.sin(np.pi / 4), 0, np.cos(np.pi / 4)], [-np.sin(np.pi / 4), 0, np.cos(np.pi / 4)]])
     region = support_region(standing([[-1.0, 0, 0], [1, 0, 0]], tilted, np.tan(np.pi / 12)))
     assert np.sort(region.vertices, axis=0) == pytest.approx(np.array([[-0.5, 0.0], [0.5, 0.0]]), abs=1e-6)
-    assert region.margin([0.2, 0.0]) == pytest.approx(0.0, abs=1e-9)
-    assert region.margin([0.2, 0.1]) == pytest.approx(-0.1)
-    assert region.margin([0.9, 0.3]) == pytest.approx(-0.5)
+    assert region.region_margin_at([0.2, 0.0]) == pytest.approx(0.0, abs=1e-9)
+    assert region.region_margin_at([0.2, 0.1]) == pytest.approx(-0.1)
+    assert region.region_margin_at([0.9, 0.3]) == pytest.approx(-0.5)
 
 
 def test_one_contact_holds_the_center_of_mass_above_itself_or_nowhere():
     slope = [0.0, -np.sin(0.5), np.cos(0.5)]
     rough, smooth = (support_region(standing([[0.3, 0.1, 0.2]], slope, friction)) for friction in (0.6, 0.5))
     assert rough.vertices == pytest.approx(np.array([[0.3, 0.1]]), abs=1e-9) and not rough.cut
-    assert rough.margin([0.3, 0.5]) == pytest.approx(-0.4)
-    assert smooth.empty and smooth.margin([0.3, 0.1]) == -np.inf
+    assert rough.region_margin_at([0.3, 0.5]) == pytest.approx(-0.4)
+    assert smooth.empty and smooth.region_margin_at([0.3, 0.1]) == -np.inf
 
 
 def test_without_contacts_nothing_is_held():
@@ -189,7 +189,7 @@ def test_contacts_in_line_on_level_ground_hold_their_segment_and_in_one_place_a_
     line = np.outer([0.0, 0.3, 1.0, 0.7], [1.0, 2.0, 0.0])
     region = support_region(standing(line))
     assert region.vertices[np.argsort(region.vertices[:, 0])] == pytest.approx(np.array([[0, 0], [1.0, 2.0]]), abs=1e-6)
-    assert region.margin([2.0, -1.0]) == pytest.approx(-np.sqrt(5.0))
+    assert region.region_margin_at([2.0, -1.0]) == pytest.approx(-np.sqrt(5.0))
     assert support_region(standing(np.tile([0.4, 0.5, 0.6], (3, 1)))).vertices == pytest.approx(np.array([[0.4, 0.5]]))
 
 
@@ -206,40 +206,40 @@ def test_between_walls_that_can_be_pressed_apart_the_region_goes_on_and_is_cut()
 def test_two_opposite_contacts_hold_a_center_of_mass_only_in_the_vertical_plane_through_them():
     region = support_region(standing([[-0.5, 0, 0], [0.5, 0, 0]], [[1.0, 0, 0], [-1, 0, 0]], 1.0))
     assert region.cut and np.abs(region.vertices[:, 1]).max() < 1e-6
-    assert region.margin([0.0, 0.3]) == pytest.approx(-0.3)
+    assert region.region_margin_at([0.0, 0.3]) == pytest.approx(-0.3)
 
 
 def test_torque_limits_end_what_walls_leave_open():
     feet = [[-0.5, -0.2, 0.0], [-0.5, 0.2, 0.1], [0.5, -0.2, 0.1], [0.5, 0.2, -0.1]]
     walls = np.array([[1.0, 0, 0], [1, 0, 0], [-1, 0, 0], [-1, 0, 0]])
     rows = np.tile(np.vstack([np.eye(3), -np.eye(3)]), (4, 1, 1))
-    stance = standing(feet, walls, 1.0, torque_rows=rows, torque_bounds=np.full((4, 6), 20.0))
-    region = support_region(stance, torque_limits=True)
+    contacts = standing(feet, walls, 1.0, torque_rows=rows, torque_bounds=np.full((4, 6), 20.0))
+    region = support_region(contacts, torque_limits=True)
     assert not region.cut and not region.empty
-    weak = dataclasses.replace(stance, torque_bounds=np.full((4, 6), 0.24 * stance.mass * GRAVITY))
+    weak = dataclasses.replace(contacts, torque_bounds=np.full((4, 6), 0.24 * contacts.mass * GRAVITY))
     assert support_region(weak, torque_limits=True).empty, "four forces of less than a quarter of the weight"
 
 
 def test_more_facets_and_more_friction_hold_more_and_the_pyramid_keeps_98_percent_of_the_friction(rng):
     for _ in range(5):
-        stance = uneven(rng)
-        inner = dataclasses.replace(stance, friction=stance.friction * np.cos(np.pi / 16))
+        contacts = uneven(rng)
+        inner = dataclasses.replace(contacts, friction=contacts.friction * np.cos(np.pi / 16))
         least, usual, finer = (
             support_region(inner, facets=64),
-            support_region(stance),
-            support_region(stance, facets=64),
+            support_region(contacts),
+            support_region(contacts, facets=64),
         )
         assert all(margin(p, usual.vertices) > -1e-6 for p in least.vertices)
         assert all(margin(p, finer.vertices) > -1e-6 for p in usual.vertices)
 
 
 def test_the_region_does_not_depend_on_the_height_of_the_center_of_mass_and_turns_with_the_world(rng):
-    stance = uneven(rng)
-    region = support_region(stance)
-    raised = dataclasses.replace(stance, center_of_mass=stance.center_of_mass + [0, 0, 5.0])
+    contacts = uneven(rng)
+    region = support_region(contacts)
+    raised = dataclasses.replace(contacts, center_of_mass=contacts.center_of_mass + [0, 0, 5.0])
     assert np.array_equal(support_region(raised).vertices, region.vertices)
     R, shift = rpy_rotation([0.0, 0.0, 1.1]), np.array([30.0, -20.0, 4.0])
-    moved = dataclasses.replace(stance, points=stance.points @ R.T + shift, normals=stance.normals @ R.T)
+    moved = dataclasses.replace(contacts, points=contacts.points @ R.T + shift, normals=contacts.normals @ R.T)
     expected = region.vertices @ R[:2, :2].T + shift[:2]
     assert apart(support_region(moved).vertices, expected) < 1e-6
 
@@ -274,41 +274,47 @@ def test_region_margin_is_signed_like_the_polygons(rng):
 
 @pytest.mark.parametrize("status", [1, 2, 3, 4])
 def test_a_solver_that_fails_is_never_taken_for_an_empty_region(monkeypatch, rng, status):
-    stance, failed = uneven(rng), SimpleNamespace(status=status, message="made up")
+    contacts, failed = uneven(rng), SimpleNamespace(status=status, message="made up")
     monkeypatch.setattr(room, "linprog", lambda *_, **__: failed)
     for call in (support_region, region_margin, lambda s: support(s, [1.0, 0.0])):
         with pytest.raises(SolverError, match=rf"was not solved: made up \(status {status}\)"):
-            call(stance)
+            call(contacts)
 
 
 def test_a_solver_that_fails_once_is_asked_again(monkeypatch, rng):
-    stance = uneven(rng)
-    expected, asked = support_region(stance).vertices, []
+    contacts = uneven(rng)
+    expected, asked = support_region(contacts).vertices, []
 
     def unreliable(*arguments, **options):
         asked.append(options["options"]["presolve"])
         return linprog(*arguments, **options) if asked[-1] else SimpleNamespace(status=4, message="made up")
 
     monkeypatch.setattr(room, "linprog", unreliable)
-    assert apart(support_region(stance).vertices, expected) < 1e-6
+    assert apart(support_region(contacts).vertices, expected) < 1e-6
     assert set(asked) == {False, True}
 
 
 def test_bad_options_are_named(rng):
-    stance = uneven(rng)
+    contacts = uneven(rng)
     for options, message in (
         ({"facets": 2}, "facets: 2, expected a whole number of at least 3"),
         ({"reach": 0.0}, "reach: 0 m, expected above 0"),
-        ({"torque_limits": True}, "torque_limits: the stance has none"),
+        ({"torque_limits": True}, "torque_limits: the contacts have none"),
     ):
         for call in (support_region, region_margin, lambda s, **o: support(s, [1.0, 0.0], **o)):
             with pytest.raises(InvalidInputError, match=message):
-                call(stance, **options)
+                call(contacts, **options)
     with pytest.raises(InvalidInputError, match="tolerance: 0 m, expected at least 1e-08"):
-        support_region(stance, tolerance=0.0)
+        support_region(contacts, tolerance=0.0)
     with pytest.raises(InvalidInputError, match="direction: its length is 0"):
-        support(stance, [[1.0, 0.0], [0.0, 0.0]])
+        support(contacts, [[1.0, 0.0], [0.0, 0.0]])
     with pytest.raises(InvalidInputError, match="direction: coordinate 1 is nan"):
-        support(stance, [np.nan, 1.0])
+        support(contacts, [np.nan, 1.0])
     with pytest.raises(InvalidInputError, match=r"point: expected shape \(2,\)"):
-        support_region(stance).margin([[0.0, 0.0]])
+        support_region(contacts).region_margin_at([[0.0, 0.0]])
+
+
+def test_the_old_name_of_the_margin_at_a_point_warns_and_still_works():
+    region = support_region(uneven(np.random.default_rng(1)))
+    with pytest.warns(DeprecationWarning, match="region_margin_at"):
+        assert region.margin([0.1, 0.0]) == region.region_margin_at([0.1, 0.0])

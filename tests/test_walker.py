@@ -334,7 +334,7 @@ def test_the_plan_knows_everything_that_made_it():
     "groups", [((0, 2), (1, 4)), ((0, 1, 2), (3, 4, 7)), ((0, 1, 2), (2, 3, 4, 5)), ((0, 1, 2, 3, 4, 5), ())]
 )
 def test_a_gait_must_hold_every_leg_once(groups):
-    with pytest.raises(InvalidInputError, match=r"must hold each of the legs 0 to \d once"):
+    with pytest.raises(InvalidInputError, match=r"must contain each of the legs 0 to \d once"):
         hk.gait.in_groups("odd", groups)
 
 

@@ -1,4 +1,4 @@
-"""Contact mechanics: Coulomb friction with the exact cone and with the paper's polyhedron (A section 3.1)."""
+"""Contact mechanics: Coulomb friction with the exact cone or with paper A's polyhedron (A section 3.1)."""
 
 from hexakin.contact.problem import ContactProblem, ContactSolution, Residuals, solve
 

@@ -1,9 +1,11 @@
-"""Coulomb's law with the exact cone by Pinocchio's alternating directions (ADMM): a second opinion on our solvers.
+"""Coulomb's law with the exact cone, solved by Pinocchio's ADMM solver, as an independent check of our solvers.
+
+ADMM is the alternating direction method of multipliers.
 
 Carpentier, Le Lidec and Montaut, "From compliant to rigid contact simulation: a unified and efficient approach"
 (2024). The method adds De Saxce's term mu |u_t| to the normal velocities and so solves Coulomb's law itself, not its
-convex relaxation. Its own report of success is not used: it compares impulses and velocities with one absolute
-tolerance.
+convex relaxation. Pinocchio's own report of success is not used, because it compares impulses and velocities with the
+same absolute tolerance.
 """
 
 from __future__ import annotations
@@ -20,10 +22,10 @@ from hexakin.exceptions import InvalidInputError
 
 
 class AdmmSolution(NamedTuple):
-    """Impulses ``p`` and velocities ``u`` = G p + g (3 n + m,); the residual says whether they are a solution.
+    """Impulses ``p`` (3 n + m,) and velocities ``u`` (3 n + m,), u = G p + g, in the units of the problem.
 
-    ``residual`` is the natural residual relative to the largest impulse, as ``hexakin.contact.cone.solve_cone`` gives
-    it; ``iterations`` are ADMM's.
+    ``residual`` is the natural residual relative to the largest impulse, as in ``hexakin.contact.cone.solve_cone``; it
+    shows whether they are a solution. ``iterations`` is the number of ADMM iterations.
     """
 
     p: Array
@@ -43,9 +45,11 @@ def solve_admm(
 ) -> AdmmSolution:
     """Solve the problem of ``hexakin.contact.cone.solve_cone`` with p_min = 0.
 
-    ``G`` (3 n + m, 3 n + m), ``g`` (3 n + m,), ``mu`` (n,), ``low`` and ``high`` (m,), contacts first, each in the
-    order t1, t2, n. ``tolerance`` is that of ADMM in its own scale, where the largest velocity is 1 and the diagonal
-    of G is about 1. Raises InvalidInputError on wrong shapes, friction below zero or low above high.
+    ``G`` (3 n + m, 3 n + m) [1/kg] and ``g`` (3 n + m,) [m/s] give the velocities u = G p + g: n contacts first, each
+    in the order t1, t2, n, then m servos. ``mu`` (n,) are the friction coefficients, numbers without unit; ``low`` (m,)
+    and ``high`` (m,) [N m s] the limits of the servos' impulses. ``tolerance`` is that of ADMM in a scale where the
+    largest velocity is 1 and the diagonal of G is about 1; ``max_iterations`` limits the ADMM iterations. Raises
+    InvalidInputError for wrong shapes, friction below zero or ``low`` above ``high``.
     """
     n, m = np.size(mu), np.size(low)
     size = 3 * n + m
@@ -58,7 +62,7 @@ def solve_admm(
     if (low > high).any():
         j = int(np.argmax(low > high))
         raise InvalidInputError(f"low: {low[j]:g} of row {j + 1} is above high {high[j]:g}")
-    # One scale for each contact and servo: cones stay cones, and servos take a twentieth of the iterations.
+    # One scale for each contact and servo: cones stay cones, and with servos a twentieth of the iterations are enough.
     step_length = np.empty(size)
     least = impulse_scales(G, g, n, step_length)
     d = np.sqrt(step_length)
@@ -88,7 +92,7 @@ def _checked(name: str, value: ArrayLike, *shape: int) -> Array:
 
 
 def _constraints(mu: Array, low: Array, high: Array) -> tuple[pin.StdVec_ConstraintModel, pin.StdVec_ConstraintData]:
-    """Constraints that only carry their sets: cones about z at the universe, boxes at a chain of joints."""
+    """Return constraints that only define the allowed sets: cones about z for contacts, boxes for servos."""
     model = pin.Model()
     models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     for friction in mu:
@@ -98,7 +102,7 @@ def _constraints(mu: Array, low: Array, high: Array) -> tuple[pin.StdVec_Constra
     if low.size > 0:
         joints = [model.addJoint(j, pin.JointModelRZ(), pin.SE3.Identity(), f"servo_{j + 1}") for j in range(low.size)]
         servos = pin.JointFrictionConstraintModel(model, pin.StdVec_Index(joints), low, high)
-        servos.setTimeStep(1.0)  # so that limits of forces are limits of impulses
+        servos.setTimeStep(1.0)  # limits of forces are then limits of impulses
         models.append(pin.ConstraintModel(servos))
     for constraint in models:
         datas.append(constraint.createData())

@@ -1,14 +1,13 @@
-"""Coulomb's law with the exact cone, compiled: block Gauss-Seidel, finished by semismooth Newton steps.
+"""Coulomb's law with the exact cone, compiled: block Gauss-Seidel followed by semismooth Newton steps.
 
-Unknowns are the impulses p of n contacts, three each in the order (t1, t2, n), and behind them those of m
-servos; velocities are u = G p + g. For each contact: p_n >= p_min, u_n >= 0, (p_n - p_min) u_n = 0, and the
-tangential impulse is the point of the disc |p_t| <= mu p_n that opposes the slip best (maximum dissipation). Any
-bias of the normal velocity (restitution, gap) is part of g. For each servo: low <= p <= high, and u = 0 between
-the limits.
+The unknowns are the impulses p: three for each of n contacts in the order (t1, t2, n), then one for each of m servos.
+The velocities are u = G p + g. For each contact: p_n >= p_min, u_n >= 0, (p_n - p_min) u_n = 0, and the tangential
+impulse is the point of the disc |p_t| <= mu p_n that dissipates most power (maximum dissipation). A bias of the normal
+velocity (restitution, gap) is part of g. For each servo: low <= p <= high, and u = 0 between the limits.
 
-Gauss-Seidel solves normal and friction disc of one contact exactly in turn; it converges slowly where feet are
-redundant. Newton's method on the natural map is fast and only local. So sweeps bring the iterate near,
-Newton finishes, and what counts is the residual.
+A Gauss-Seidel sweep solves the contacts one after the other, each exactly; it converges slowly if contacts are
+redundant. Newton's method on the natural map is fast, but converges only near a solution. Therefore sweeps come first
+and Newton steps finish. The residual alone decides whether the result is a solution.
 """
 
 from __future__ import annotations
@@ -21,14 +20,14 @@ from hexakin.numerics.numba_cache import compiled
 
 @compiled
 def _disc(a: float, b: float, c: float, gx: float, gy: float, radius: float) -> tuple[float, float]:
-    """Minimise p'Wp/2 + g'p over |p| <= radius, W = [[a, b], [b, c]] positive definite."""
+    """Minimise p'Wp/2 + g'p over |p| <= ``radius``, for positive definite W = [[a, b], [b, c]] and g = (gx, gy)."""
     det = a * c - b * b
     x, y = -(c * gx - b * gy) / det, -(a * gy - b * gx) / det
     if x * x + y * y <= radius * radius:
         return x, y
     if radius <= 0.0:
         return 0.0, 0.0
-    # On the rim: (W + s I) p = -g with |p| = radius; Newton on 1/|p| is monotone in s.
+    # On the boundary: (W + s I) p = -g with |p| = radius; Newton's method for 1/|p| converges monotonically in s.
     shift, norm = 0.0, np.sqrt(x * x + y * y)
     for _ in range(50):
         dx, dy = (c + shift) * x - b * y, (a + shift) * y - b * x
@@ -43,7 +42,8 @@ def _disc(a: float, b: float, c: float, gx: float, gy: float, radius: float) -> 
 
 
 @compiled
-def _velocity(G: Array, g: Array, p: Array, u: Array) -> None:
+def write_velocity(G: Array, g: Array, p: Array, u: Array) -> None:
+    """Write the velocities G p + g to ``u`` (k,), for ``G`` (k, k), ``g`` (k,) and the impulses ``p`` (k,)."""
     for i in range(g.size):
         total = g[i]
         for j in range(g.size):
@@ -53,9 +53,10 @@ def _velocity(G: Array, g: Array, p: Array, u: Array) -> None:
 
 @compiled
 def impulse_scales(G: Array, g: Array, contacts: int, step_length: Array) -> float:
-    """Put each row's effective mass into ``step_length`` (3 n + m,), one value for a contact; return the least scale.
+    """Write the effective mass of each row to ``step_length`` (3 n + m,), one value for the rows of a contact.
 
-    That is a thousandth of the impulse that would stop the fastest row: the scale if all impulses turn out to be small.
+    Return the smallest scale of impulses, a thousandth of the impulse that stops the fastest row. It is used as the
+    scale if all impulses of the solution are small. ``contacts`` is n.
     """
     scale = 0.0
     for c in range(contacts):
@@ -72,9 +73,10 @@ def impulse_scales(G: Array, g: Array, contacts: int, step_length: Array) -> flo
 
 @compiled
 def natural_residual(p: Array, u: Array, mu: Array, p_min: Array, low: Array, high: Array, step_length: Array) -> float:
-    """Largest distance by which an impulse moves when it is stepped by -step_length u and put back into its set.
+    """Return the largest distance by which an impulse moves in a step -``step_length`` u followed by a projection.
 
-    It is zero at solutions and only there, and of first order everywhere, unlike products p u.
+    The projection is onto the set of allowed impulses. The residual is zero at solutions and nowhere else, and it is of
+    first order in the error everywhere, unlike the products p u.
     """
     worst = 0.0
     for c in range(mu.size):
@@ -86,7 +88,7 @@ def natural_residual(p: Array, u: Array, mu: Array, p_min: Array, low: Array, hi
         if norm > radius:
             x, y = x * radius / norm, y * radius / norm
         slip = np.sqrt((x - p[k]) ** 2 + (y - p[k + 1]) ** 2)
-        # A NaN must not pass for a small residual.
+        # A NaN must not count as a small residual.
         if not (error <= worst and slip <= worst):
             worst = max(error, slip) if error == error and slip == slip else np.inf
     for j in range(low.size):
@@ -99,6 +101,7 @@ def natural_residual(p: Array, u: Array, mu: Array, p_min: Array, low: Array, hi
 
 @compiled
 def _sweep(G: Array, mu: Array, p_min: Array, low: Array, high: Array, p: Array, u: Array) -> None:
+    """Solve each contact and each servo once, one after the other, and update ``p`` and ``u`` in place."""
     size = u.size
     for c in range(mu.size):
         k = 3 * c
@@ -122,8 +125,11 @@ def _sweep(G: Array, mu: Array, p_min: Array, low: Array, high: Array, p: Array,
 
 
 @compiled
-def _eliminate(A: Array, b: Array) -> bool:
-    """Solve A x = b in place (x in b) by Gaussian elimination with partial pivoting; false if A is singular."""
+def eliminate(A: Array, b: Array) -> bool:
+    """Solve A x = b by Gaussian elimination with partial pivoting; return false if A is singular.
+
+    ``A`` (k, k) is overwritten, and ``b`` (k,) receives x.
+    """
     size = b.size
     for k in range(size):
         pivot = k
@@ -151,7 +157,7 @@ def _eliminate(A: Array, b: Array) -> bool:
 
 @compiled
 def _project_back(mu: Array, p_min: Array, low: Array, high: Array, p: Array) -> None:
-    """Put impulses back into their sets, so that what is returned is feasible."""
+    """Project the impulses ``p`` onto their sets in place, so that the returned impulses are allowed ones."""
     for c in range(mu.size):
         k = 3 * c
         p[k + 2] = max(p[k + 2], p_min[c])
@@ -179,13 +185,16 @@ def _newton(
     steps: int,
     damped: bool,
 ) -> float:
-    """Semismooth Newton on the natural map, in place; returns the residual reached. The caller keeps a copy of p."""
+    """Make semismooth Newton steps on the natural map, in place, and return the residual that was reached.
+
+    They end below the residual ``goal`` or after ``steps``. The caller keeps a copy of ``p``.
+    """
     size = g.size
     A, step = np.empty((size, size)), np.empty(size)
     residual = natural_residual(p, u, mu, p_min, low, high, step_length)
     for _ in range(steps):
-        # Redundant contacts leave A singular; damping that fades with the residual helps (Levenberg, Marquardt), but
-        # hides what a small compliance would decide.
+        # With redundant contacts A is singular. Damping that decreases with the residual (Levenberg, Marquardt) helps,
+        # but it hides the effect of a small compliance; the caller therefore also tries without.
         largest = 1e-300
         for i in range(size):
             largest = max(largest, abs(p[i]))
@@ -212,7 +221,7 @@ def _newton(
                 A[k, k] += damping
                 A[k + 1, k + 1] += damping
             else:
-                # p_t - radius y/|y|, y = p_t - rho u_t, differentiated.
+                # The derivative of p_t - radius y/|y| with y = p_t - rho u_t.
                 x, y, share = x / norm, y / norm, radius / norm
                 step[k], step[k + 1] = radius * x - p[k], radius * y - p[k + 1]
                 xx, xy, yy = share * (1.0 - x * x), -share * x * y, share * (1.0 - y * y)
@@ -240,19 +249,19 @@ def _newton(
                 for i in range(size):
                     A[k, i] = 0.0
                 A[k, k] = 1.0
-        if not _eliminate(A, step):
+        if not eliminate(A, step):
             return np.inf
         for i in range(size):
             p[i] += step[i]
         if damped:
             _project_back(mu, p_min, low, high, p)
-        _velocity(G, g, p, u)
+        write_velocity(G, g, p, u)
         residual = natural_residual(p, u, mu, p_min, low, high, step_length)
         if not residual > goal:
             break
     if not damped:
         _project_back(mu, p_min, low, high, p)
-        _velocity(G, g, p, u)
+        write_velocity(G, g, p, u)
         residual = natural_residual(p, u, mu, p_min, low, high, step_length)
     return residual
 
@@ -270,15 +279,17 @@ def solve_cone(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Solve for the impulses p (3 n + m,), in place from a first guess; u (3 n + m,) receives the velocities.
+    """Solve for the impulses ``p`` (3 n + m,), in place from a first guess; ``u`` (3 n + m,) receives the velocities.
 
-    ``mu``, ``p_min`` (n,), ``low``, ``high`` (m,). Returns the natural residual relative to the largest impulse and the
-    number of sweeps; the caller compares.
+    ``G`` (3 n + m, 3 n + m) and ``g`` (3 n + m,) give u = G p + g; ``mu`` and ``p_min`` (n,) are the contacts' friction
+    coefficients and smallest normal impulses, ``low`` and ``high`` (m,) the servos' limits. It ends at ``tolerance`` or
+    after ``max_sweeps``. Returns the natural residual relative to the largest impulse, and the number of sweeps; the
+    caller compares the residual with the tolerance.
     """
     size = g.size
     step_length = np.empty(size)
     scale = impulse_scales(G, g, mu.size, step_length)
-    _velocity(G, g, p, u)
+    write_velocity(G, g, p, u)
     saved_p, saved_u = np.empty(size), np.empty(size)
     sweeps, next_newton, attempts = 0, 4, 0
     while True:
@@ -294,7 +305,7 @@ def solve_cone(
         if residual <= goal or sweeps >= max_sweeps:
             return residual / largest, sweeps
         if sweeps == 0 and attempts == 0 and residual <= 0.1 * largest:
-            next_newton = 0  # a good first guess, such as the last time step's impulses
+            next_newton = 0  # the first guess is good, such as the last time step's impulses
         if sweeps >= next_newton:
             next_newton = max(4, int(1.5 * sweeps))
             for i in range(size):
@@ -307,4 +318,4 @@ def solve_cone(
         _sweep(G, mu, p_min, low, high, p, u)
         sweeps += 1
         if sweeps % 50 == 0:
-            _velocity(G, g, p, u)  # rounding does not add up
+            write_velocity(G, g, p, u)  # removes accumulated rounding errors

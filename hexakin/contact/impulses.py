@@ -1,10 +1,10 @@
-"""One time step's velocities and impulses in generalised coordinates, with torque-limited servos inside the step.
+"""Velocities and impulses of one time step in generalised coordinates, including servos with limited torque.
 
-M v = r + J^T p + S^T s: mass matrix M, momentum r that all known forces would leave, contact impulses p in
-cones and servo impulses s in boxes. A servo holds its target velocity as long as its impulse stays within the
-box, and gives the limit otherwise; it is a Coulomb friction about a moving target. Holding joints are eliminated
-exactly, so that for a standing robot only the body's six coordinates remain. Which servos hold is found by an
-active-set iteration around the contact solver.
+M v = r + J^T p + S^T s: mass matrix M, momentum r after all known forces, contact impulses p in cones and servo
+impulses s in boxes. A servo holds its target velocity while its impulse is inside the box; otherwise its impulse is at
+the limit. This is Coulomb friction relative to a moving target. Joints that hold are eliminated exactly, so that for a
+standing robot only the body's six coordinates remain. An active-set iteration around the contact solver finds which
+servos hold.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
 
 @compiled
 def _cholesky(A: Array) -> bool:
-    """Lower factor in place; false unless positive definite."""
+    """Write the lower Cholesky factor to the lower half of ``A``; return false unless A is positive definite."""
     for j in range(A.shape[0]):
         d = A[j, j]
         for k in range(j):
@@ -40,7 +40,10 @@ def _cholesky(A: Array) -> bool:
 
 @compiled
 def _project(M: Array, r: Array, rows: Array, free: Whole, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
-    """Put L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y, g = Y^T y over the free coordinates; false if singular."""
+    """Compute L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y and g = Y^T y for the ``free`` coordinates.
+
+    Return false if M is singular.
+    """
     count, size = free.size, g.size
     for a in range(count):
         for b in range(a + 1):
@@ -75,7 +78,7 @@ def _project(M: Array, r: Array, rows: Array, free: Whole, L: Array, Y: Array, y
 
 @compiled
 def _velocities(free: Whole, L: Array, Y: Array, y: Array, p: Array, v: Array) -> None:
-    """Put v = L^-T (y + Y p) into the free coordinates."""
+    """Write v = L^-T (y + Y p) to the ``free`` coordinates of ``v``."""
     count = free.size
     for a in range(count):
         for k in range(p.size):
@@ -90,6 +93,7 @@ def _velocities(free: Whole, L: Array, Y: Array, y: Array, p: Array, v: Array) -
 
 @compiled
 def _soften(G: Array, size: int, compliance: float) -> None:
+    """Add ``compliance`` times the mean of the diagonal of ``G`` to its first ``size`` diagonal elements."""
     mean = 0.0
     for i in range(size):
         mean += G[i, i] / size
@@ -111,7 +115,11 @@ def _solve_contacts(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Cone or polyhedron; a cone that resists is approached through softer ones, which are easier to solve."""
+    """Solve with the cone or the polyhedron.
+
+    If the cone is not solved directly, contacts of decreasing compliance are solved first; they are easier, and each
+    solution is the first guess of the next.
+    """
     # With None as the type of facets, numba leaves the polyhedron's code out.
     if facets is not None:
         return solve_polyhedron(G, g, mu, p_min, low, high, facets, p, u, tolerance, max_sweeps)
@@ -155,14 +163,14 @@ def solve_impulses(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Solve in place for p (3 n,), s (m,), contact velocities u (3 n,) and v (nv,).
+    """Solve in place for the impulses ``p`` (3 n,) and ``s`` (m,) and the velocities ``u`` (3 n,) and ``v`` (nv,).
 
-    ``servo`` (m,) are the coordinates that have a servo, ``target`` their velocities, ``low`` and ``high`` their
-    impulses' limits, ``state`` (m,) which of them hold: first guess and result. ``bias`` (n,) is added to the
-    normal velocities, and to u. ``facets`` is the number of the friction polyhedron's, or None for the exact cone.
-    ``compliance``, a share of the mean of G's diagonal, is added to that diagonal: among the many ways to share a load
-    between redundant contacts it selects the most even one. Returns the residual and the sweeps (or pivots) of the
-    contact solver.
+    ``servo`` (m,) are the indices of the coordinates that have a servo, ``target`` their target velocities, and ``low``
+    and ``high`` the limits of their impulses. ``state`` (m,) is HOLDS, AT_LOW or AT_HIGH for each servo; it is the
+    first guess and receives the result. ``bias`` (n,) is added to the normal velocities, also in u. ``facets`` is the
+    number of facets of the friction polyhedron, or None for the exact cone. ``compliance``, as a fraction of the mean
+    of G's diagonal, is added to this diagonal; of the many ways in which redundant contacts can share a load it selects
+    the most even one. Returns the residual and the number of sweeps (or pivots) of the contact solver.
     """
     nv, m, size, contacts = r.size, servo.size, p.size, mu.size
     slot = np.full(nv, -1, dtype=np.int64)
@@ -222,7 +230,7 @@ def solve_impulses(
                     changed = True
         if not changed:
             return residual, sweeps
-    # Going round in circles (about 1 in 500 hard random problems): all unknowns at once.
+    # The iteration repeats itself (in about 1 of 500 hard random problems): solve for all unknowns together.
     rows, x, w = np.zeros((size + m, nv)), np.zeros(size + m), np.empty(size + m)
     for i in range(size):
         for k in range(nv):
@@ -274,12 +282,13 @@ def solve_impact(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """``solve_impulses`` with restitution of the contacts that strike; ``limit`` (m,) bounds the servos' impulses.
+    """Solve as ``solve_impulses``, with restitution of the contacts that strike the ground.
 
-    ``strikes`` (n,) is 1 where a contact bounces, ``approach`` (n,) are the normal velocities before. Newton's law
-    asks for u_n >= -xi approach at once. Poisson's first compresses (A(4)), then expands with impulses of its own, at
-    least xi of each ``compression`` (3 n,) impulse (A(5)-(6), A-E6 corrected); p receives the sum of both, u the
-    velocities after.
+    ``limit`` (m,) is the largest servo impulse in both directions. ``strikes`` (n,) is 1 for contacts that bounce,
+    ``approach`` (n,) are the normal velocities before the impact, and xi is ``restitution``. Newton's law (``poisson``
+    false) requires u_n >= -xi approach and is solved in one phase. Poisson's law has two: compression (A(4)), then
+    expansion with additional normal impulses of at least xi times those of ``compression`` (3 n,) (A(5)-(6), A-E6
+    corrected). ``p`` receives the sum of both phases, ``u`` the velocities after them.
     """
     n, m, nv = mu.size, servo.size, r.size
     p_min, low, high, bounces = np.zeros(n), np.empty(m), np.empty(m), False
@@ -325,7 +334,7 @@ def solve_impact(
             for k in range(nv):
                 kept[i] += M[i, k] * v[k]
         for j in range(m):
-            low[j], high[j] = -limit[j] - s[j], limit[j] - s[j]  # its two impulses together keep to the limit
+            low[j], high[j] = -limit[j] - s[j], limit[j] - s[j]  # the sum of both phases stays within the limit
         second, used = solve_impulses(
             M, kept, J, mu, bias, p_min, servo, target, low, high, hold, extra, more, u, v,
             facets, compliance, tolerance, max_sweeps,

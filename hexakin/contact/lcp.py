@@ -1,22 +1,23 @@
-"""Coulomb's law with the paper's polyhedron: a linear complementarity problem, compiled (A section 3.1).
+"""Coulomb's law with paper A's polyhedron, as a linear complementarity problem (LCP), compiled (A section 3.1).
 
-The disc of friction becomes the regular polygon with corners at k generators d_i, the first along t1, inscribed.
-A(7)-(10), with the velocities u where the print has the bare Jacobians, one impulse for each generator and these
-impulses' sum in the friction bound (Stewart and Trinkle 1996, Anitescu and Potra 1997), read for each contact
+The friction disc is replaced by an inscribed regular polygon with corners at k generators d_i, the first along t1.
+A(7)-(10) are used with three corrections (Stewart and Trinkle 1996, Anitescu and Potra 1997): velocities u where the
+paper prints the Jacobians alone, one impulse for each generator, and the sum of these impulses in the friction bound.
+For each contact
 
     0 <= u_n                         ⊥  p_n - p_min >= 0    A(7), A(8)
     0 <= lambda + d_i . u_t          ⊥  f_i         >= 0    A(9)
     0 <= mu p_n - (f_1 + ... + f_k)  ⊥  lambda      >= 0    A(10)
 
-with p_t = f_1 d_1 + ... + f_k d_k; lambda is the slip speed as the polygon measures it. A servo has two such pairs:
+with p_t = f_1 d_1 + ... + f_k d_k; lambda is the slip speed, measured along the generators. Each servo has two pairs:
 
     0 <= u + kappa                   ⊥  p - low     >= 0
     0 <= high - p                    ⊥  kappa       >= 0
 
-The matrix is copositive, so that Lemke's method ends at a solution (Cottle, Pang and Stone, "The Linear
-Complementarity Problem", 1992, section 4.4) but for rounding. Hence one scale for each contact and servo, which
-brings the matrix near 1, a last solution of the final basis from the unpivoted data, and other paths where one
-fails. What counts is the residual.
+The matrix is copositive, so that Lemke's method finds a solution in exact arithmetic (Cottle, Pang and Stone, "The
+Linear Complementarity Problem", 1992, section 4.4). Three measures reduce rounding errors: one scale for each contact
+and servo brings the diagonal of the matrix near 1; the final basis is solved once more from the original data; and if
+one path fails, others are tried. The residual alone decides whether the result is a solution.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.cone import _velocity, impulse_scales
+from hexakin.contact.cone import impulse_scales, write_velocity
 from hexakin.contact.lemke import SOLVED, follow, sharpen
 from hexakin.numerics.numba_cache import Whole, compiled
 
@@ -33,11 +34,14 @@ _PATHS = 4
 
 @compiled
 def nearest_in_polygon(x: float, y: float, radius: float, facets: int) -> tuple[float, float]:
-    """Nearest point of the regular polygon with its first corner at (radius, 0)."""
+    """Return the point of a regular polygon that is nearest to (``x``, ``y``).
+
+    The polygon has ``facets`` sides, its centre at the origin, and its first corner at (``radius``, 0).
+    """
     half = np.pi / facets
     middle = (2.0 * np.floor(np.arctan2(y, x) / (2.0 * half)) + 1.0) * half
     c, s = np.cos(middle), np.sin(middle)
-    # In axes across and along the facet that faces the point; the other facets are further away by symmetry.
+    # Axes across and along the facet nearest to the point.
     across, along = c * x + s * y, c * y - s * x
     if across <= radius * np.cos(half):
         return x, y
@@ -50,7 +54,7 @@ def nearest_in_polygon(x: float, y: float, radius: float, facets: int) -> tuple[
 def polygon_residual(
     p: Array, u: Array, mu: Array, p_min: Array, low: Array, high: Array, facets: int, step_length: Array
 ) -> float:
-    """``hexakin.contact.cone.natural_residual`` with the polygon in the disc's place."""
+    """Return the residual of ``hexakin.contact.cone.natural_residual``, with the polygon instead of the disc."""
     worst = 0.0
     for c in range(mu.size):
         k, rho = 3 * c, step_length[3 * c]
@@ -58,7 +62,7 @@ def polygon_residual(
         radius = mu[c] * max(p[k + 2], 0.0)
         x, y = nearest_in_polygon(p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], radius, facets)
         slip = np.sqrt((x - p[k]) ** 2 + (y - p[k + 1]) ** 2)
-        # A NaN must not pass for a small residual.
+        # A NaN must not count as a small residual.
         if not (normal <= worst and slip <= worst):
             worst = max(normal, slip) if normal == normal and slip == slip else np.inf
     for k in range(3 * mu.size, p.size):
@@ -73,10 +77,11 @@ def polygon_residual(
 def _build(
     G: Array, h: Array, mu: Array, least: Array, width: Array, row: Whole, part: Array, A: Array, q: Array
 ) -> None:
-    """Fill the LCP (A, q). Unknown j stands for the impulse part[j] in row[j] and the next row, if row[j] >= 0.
+    """Fill the LCP (``A``, ``q``). If row[j] >= 0, unknown j is an impulse part[j] in row[j] and the next row.
 
-    Order: normal impulses, facet impulses contact by contact, slip multipliers, servo impulses, their multipliers.
-    ``G``, ``h`` scaled, h the velocities at the impulses' lower bounds ``least``; ``width`` (m,) of the boxes.
+    The order is: normal impulses, facet impulses contact by contact, slip multipliers, servo impulses, their
+    multipliers. ``G`` and ``h`` are scaled; h are the velocities at the lower bounds ``least`` of the impulses.
+    ``width`` (m,) are the widths of the servos' boxes.
     """
     n, m = mu.size, width.size
     facets, boxes = (q.size - 2 * m) // n - 2 if n > 0 else 0, q.size - 2 * m
@@ -125,13 +130,13 @@ def solve_polyhedron(
     tolerance: float,
     max_pivots: int,
 ) -> tuple[float, int]:
-    """Solve for the impulses p (3 n + m,), in place; u (3 n + m,) receives the velocities.
+    """Solve for the impulses ``p`` (3 n + m,), in place; ``u`` (3 n + m,) receives the velocities.
 
     Arguments, order and units are those of ``hexakin.contact.cone.solve_cone``, except that p needs no first guess and
-    that ``low`` and ``high`` must be finite; ``facets`` is the number of generators, even and at least 4. A path that
-    ends with a residual above ``tolerance`` or after ``max_pivots`` is followed by up to three others, and the best is
-    kept. Returns the natural residual of the polygon problem, relative to the largest impulse, and the number of pivots
-    on all paths; the caller compares.
+    that ``low`` and ``high`` must be finite; ``facets`` is the number of generators, even and at least 4. If a path
+    ends with a residual above ``tolerance`` or after ``max_pivots``, up to three others are tried and the best result
+    is kept. Returns the natural residual of the polygon problem, relative to the largest impulse, and the number of
+    pivots on all paths; the caller compares the residual with the tolerance.
     """
     n, m, size = mu.size, low.size, g.size
     count = n * (facets + 2) + 2 * m
@@ -195,7 +200,7 @@ def solve_polyhedron(
         for k in range(size):
             x[k] *= d[k]
             largest = max(largest, abs(x[k]))
-        _velocity(G, g, x, w)
+        write_velocity(G, g, x, w)
         residual = polygon_residual(x, w, mu, p_min, low, high, facets, step_length)
         if largest > 0.0:
             residual /= largest

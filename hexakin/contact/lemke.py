@@ -1,9 +1,9 @@
 """Lemke's method for linear complementarity problems, with lexicographic ratio tests, compiled.
 
-Find z >= 0 with w = A z + q >= 0 and z . w = 0. An artificial variable z_0 makes w positive; complementary pivots
-lead along a path of solutions to one with z_0 = 0, or off to infinity (Cottle, Pang and Stone, "The Linear
-Complementarity Problem", 1992, section 4.4). Offsets of q that shrink from row to row, of which only the order
-counts, break ties and so exclude cycles.
+The problem: find z >= 0 with w = A z + q >= 0 and z . w = 0. An artificial variable z_0 makes w positive. Complementary
+pivots then follow a path of solutions that ends at z_0 = 0 or goes to infinity (Cottle, Pang and Stone, "The Linear
+Complementarity Problem", 1992, section 4.4). Ties are broken as if q had tiny offsets that decrease from row to row
+(only their order matters); so no cycle is possible.
 """
 
 from __future__ import annotations
@@ -11,20 +11,23 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.cone import _eliminate
+from hexakin.contact.cone import eliminate
 from hexakin.numerics.numba_cache import Whole, compiled
 
 SOLVED, RAY, TOO_LONG, INEXACT = 0, 1, 2, 3
-"""How Lemke's method ends: solved, on an unbounded ray, with its pivots used up, or with a z that does not fit."""
+"""How Lemke's method ends: solved, on an unbounded ray, after the allowed number of pivots, or with an inexact z."""
 
-_TIE = 1e-11  # ratios that differ by less count as equal: 1e-13 makes false rays, 1e-9 takes small impulses for none
-_PIVOT = 1e-10  # the smallest
-_FITS = 1e-8  # largest error of a z that counts as a solution
+_TIE = 1e-11  # ratios that differ by less count as equal; 1e-13 leads to false rays, 1e-9 loses small impulses
+_PIVOT = 1e-10  # smallest absolute value of a pivot
+_FITS = 1e-8  # largest error of a z that is accepted as a solution
 
 
 @compiled
 def _comes_first(T: Array, column: Whole, i: int, r: int, s: int) -> bool:
-    """Whether row i leaves before row r, equal in ratio, once w_1, w_2, ... get offsets e >> e^2 >> ... > 0."""
+    """Return whether row ``i`` leaves before row ``r`` of equal ratio.
+
+    The order is that for offsets e >> e^2 >> ... > 0 of w_1, w_2, ...
+    """
     for j in range(column.size):
         if column[j] >= 0:
             x, y = T[i, column[j]] / T[i, s], T[r, column[j]] / T[r, s]
@@ -38,15 +41,16 @@ def _comes_first(T: Array, column: Whole, i: int, r: int, s: int) -> bool:
 
 @compiled
 def follow(A: Array, q: Array, cover: Array, max_pivots: int, T: Array, basic: Whole, z: Array) -> tuple[int, int]:
-    """Follow Lemke's path from w = A z + q + cover z_0 down to z_0 = 0; return how it ends and the pivots.
+    """Follow Lemke's path of w = A z + q + cover z_0 to z_0 = 0; return how it ends and the number of pivots.
 
-    ``cover`` (n,) is positive. ``T`` (n, n + 2) is room to work in; ``basic`` (n,) receives the last basis (w_1 is 0,
-    z_1 is n, z_0 is 2 n) and ``z`` (n,) its values, whether or not they are a solution.
+    ``cover`` (n,) is positive. ``T`` (n, n + 2) is memory for the tableau. ``basic`` (n,) receives the last basis (w_1
+    is 0, z_1 is n, z_0 is 2 n) and ``z`` (n,) its values, which need not be a solution. At most ``max_pivots`` are
+    made.
     """
     n = q.size
-    artificial = 2 * n  # a row of T is a basic variable as a function of the others
+    artificial = 2 * n  # each row of T gives one basic variable as a function of the non-basic ones
     other = np.empty(n + 1, dtype=np.int64)  # the non-basic variable of each column
-    column = np.empty(n, dtype=np.int64)  # that of w_j, or ~row if it is basic
+    column = np.empty(n, dtype=np.int64)  # the column of w_j, or ~row if it is basic
     line = np.empty(n + 2)
     r, s, least = -1, n, 0.0
     for i in range(n):
@@ -110,7 +114,7 @@ def follow(A: Array, q: Array, cover: Array, max_pivots: int, T: Array, basic: W
 
 @compiled
 def _error(A: Array, q: Array, z: Array) -> float:
-    """Largest |min(w, z)|, relative to the largest of 1, q and z; infinite if anything is not finite."""
+    """Return the largest |min(w, z)| relative to the largest of 1, |q| and |z|; infinite if a value is not finite."""
     worst, largest = 0.0, 1.0
     for i in range(q.size):
         w = q[i]
@@ -125,7 +129,10 @@ def _error(A: Array, q: Array, z: Array) -> float:
 
 @compiled
 def sharpen(A: Array, q: Array, basic: Whole, z: Array) -> None:
-    """Solve a basis of ``follow`` anew from A and q, free of the pivots' rounding; put it into z if it fits better."""
+    """Solve the last basis of ``follow`` again from ``A`` and ``q``, without the rounding errors of the pivots.
+
+    The result replaces ``z`` if its error is smaller.
+    """
     n, count = q.size, 0
     rows = np.empty(n, dtype=np.int64)
     for i in range(n):
@@ -139,7 +146,7 @@ def sharpen(A: Array, q: Array, basic: Whole, z: Array) -> None:
         x[i] = -q[rows[i]]
         for j in range(count):
             block[i, j] = A[rows[i], rows[j]]
-    if not _eliminate(block, x):
+    if not eliminate(block, x):
         return
     for i in range(count):
         trial[rows[i]] = max(x[i], 0.0)
@@ -152,9 +159,9 @@ def sharpen(A: Array, q: Array, basic: Whole, z: Array) -> None:
 def lemke(A: Array, q: Array, max_pivots: int) -> tuple[Array, int, int]:
     """Find z >= 0 with w = A z + q >= 0 and z . w = 0 by Lemke's method with lexicographic ratio tests.
 
-    ``A`` (n, n), ``q`` (n,). Returns z (n,), how it ended (SOLVED, RAY, TOO_LONG or INEXACT) and the number of pivots.
-    A ray proves that there is no solution if A is copositive-plus, such as positive semidefinite, and says little
-    otherwise. Tolerances are absolute: entries far from 1 should be scaled by the caller.
+    ``A`` is (n, n) and ``q`` (n,). Returns z (n,), how it ended (SOLVED, RAY, TOO_LONG or INEXACT) and the number of
+    pivots, at most ``max_pivots``. If A is copositive-plus (for example positive semidefinite), RAY proves that there
+    is no solution; for other A it proves nothing. Tolerances are absolute: the caller should scale entries far from 1.
     """
     n = q.size
     z, basic = np.empty(n), np.empty(n, dtype=np.int64)

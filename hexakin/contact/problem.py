@@ -1,4 +1,4 @@
-"""The contact problem of one time step or impact: its data, its solution and how wrong that is (A section 3.1)."""
+"""The contact problem of one time step or impact: its data, its solution and the residuals (A section 3.1)."""
 
 from __future__ import annotations
 
@@ -20,13 +20,29 @@ LAWS = ("poisson", "newton")
 class ContactProblem:
     """Find v, p and s in M v = r + J^T p + S^T s (A(4), with A-E5 and A-E7 corrected).
 
-    ``mass`` M (nv, nv); ``momentum`` r (nv,) = M v_before + h f, what all known forces would leave; ``jacobian`` J
-    (n, 3, nv), for each contact the rows of two tangents and the normal; ``friction`` (n,) coefficients. ``gap_rate``
-    (n,) [m/s] is added to the normal velocities: gap / h lets a contact close. ``approach`` (n,) [m/s] are the normal
-    velocities before, which the laws of restitution need; contacts that separate (>= 0) do not bounce.
+    A single number may be given instead of an array for all contacts or for all servos. Raises InvalidInputError, which
+    names the field, for wrong shapes and values.
 
-    ``servo`` (m,) are coordinates driven to ``servo_velocity`` (m,) by impulses of at most ``servo_limit`` (m,).
-    Scalars stand for all contacts or servos. Raises InvalidInputError, naming the field, for what does not fit.
+    Parameters
+    ----------
+    mass
+        Mass matrix M (nv, nv) [kg, kg m, kg m^2], symmetric and positive definite.
+    momentum
+        Momentum r (nv,) [N s, N m s] after all known forces: M v_before + h f.
+    jacobian
+        Jacobian J (n, 3, nv) [1, m]: for each of n contacts the rows of two tangents and the normal.
+    friction
+        Friction coefficients (n,), numbers without unit.
+    gap_rate
+        Velocities (n,) [m/s] that are added to the normal velocities; with gap / h a contact closes in the step.
+    approach
+        Normal velocities (n,) [m/s] before the step, for restitution; contacts that separate (>= 0) do not bounce.
+    servo
+        Indices (m,) of the coordinates that have a servo.
+    servo_velocity
+        Velocities (m,) [rad/s] that the servos try to reach.
+    servo_limit
+        Largest impulses (m,) [N m s] of the servos.
     """
 
     mass: Array
@@ -80,11 +96,11 @@ class ContactProblem:
 
 
 class Residuals(NamedTuple):
-    """How far a solution is from Coulomb's law, relative to the largest impulse and the fastest free contact velocity.
+    """Errors of a solution of Coulomb's law, relative to the largest impulse and the fastest free contact velocity.
 
     ``gap``: normal velocity into the ground. ``complementarity``: normal impulse times separating velocity.
-    ``cone``: friction beyond its bound. ``dissipation``: power that friction fails to take out (maximum dissipation).
-    ``solver``: the natural residual, which bounds them all and decides; of the worse phase, if there are two.
+    ``cone``: friction beyond its bound. ``dissipation``: power missing to maximum dissipation. ``solver``: the natural
+    residual, which bounds all others and decides whether the problem is solved; of two phases it is the larger one.
     """
 
     gap: float
@@ -97,9 +113,10 @@ class Residuals(NamedTuple):
 class ContactSolution(NamedTuple):
     """Impulses and velocities after the step.
 
-    ``impulse`` (n, 3) [N s] along the two tangents and the normal, ``compression`` (n, 3) the part before Poisson's
-    expansion (all of it otherwise), ``servo_impulse`` (m,) [N m s], ``velocity`` (nv,), ``contact_velocity`` (n, 3)
-    [m/s], and the ``iterations`` (sweeps or pivots).
+    ``impulse`` (n, 3) [N s] is along the two tangents and the normal; ``compression`` (n, 3) [N s] is its part before
+    Poisson's expansion (without expansion, all of it). ``servo_impulse`` (m,) [N m s] are the servos' impulses,
+    ``velocity`` (nv,) [m/s, rad/s] the generalised velocity, ``contact_velocity`` (n, 3) [m/s] the velocities of the
+    contacts. ``residuals`` are the errors, ``iterations`` the number of sweeps or pivots.
     """
 
     impulse: Array
@@ -112,7 +129,7 @@ class ContactSolution(NamedTuple):
 
 
 def check_facets(facets: int | None) -> int | None:
-    """Return the number of facets, None for the exact cone; raise InvalidInputError unless even and at least 4."""
+    """Return ``facets`` if it is None (the exact cone) or even and at least 4; otherwise raise InvalidInputError."""
     if facets is None:
         return None
     if check_whole("facets", facets, at_least=4) % 2:
@@ -130,13 +147,16 @@ def solve(
     tolerance: float = 1e-9,
     max_iterations: int = 5000,
 ) -> ContactSolution:
-    """Solve a contact problem with the exact friction cone, or with the paper's polyhedron of ``facets`` (A(7)-(10)).
+    """Solve ``problem`` with the exact friction cone, or with paper A's polyhedron of ``facets`` (A(7)-(10)).
 
-    The polyhedron's first generator lies along each contact's first tangent; it is inscribed in the cone.
-    ``restitution`` applies to contacts with ``approach`` < 0, by Poisson's or Newton's ``law``. ``compliance`` > 0
-    shares loads evenly over redundant contacts at a residual of that order.
+    The polyhedron is inscribed in the cone; its first generator lies along each contact's first tangent.
+    ``restitution`` is the coefficient for contacts with ``approach`` < 0, by Poisson's or Newton's ``law`` ("poisson"
+    or "newton"). With ``compliance`` > 0, a number without unit, redundant contacts share loads evenly, at the price of
+    a residual of that order. The solver ends at the relative residual ``tolerance``, or after ``max_iterations`` sweeps
+    or pivots.
 
-    Raises ContactError if the natural residual stays above ``tolerance``.
+    Raises ContactError if the natural residual stays above ``tolerance``, UnknownNameError for an unknown ``law``, and
+    InvalidInputError for a number outside its range.
     """
     if law not in LAWS:
         raise UnknownNameError("law", law, sorted(LAWS))

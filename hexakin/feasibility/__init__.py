@@ -1,4 +1,4 @@
-"""What a robot can do, before it tries: checks of a motion, forces that hold it, small design questions (CasADi)."""
+"""Feasibility before the robot moves: checks of a motion, contact forces that hold it, design questions (CasADi)."""
 
 from hexakin.feasibility.checks import Constraint, FeasibilityReport, check
 from hexakin.feasibility.design import Design, best_posture, highest_step, longest_stride, steepest_slope

@@ -1,4 +1,4 @@
-"""A leg's kinematics and statics as CasADi functions, made from the sympy expressions of its Denavit-Hartenberg table.
+"""Kinematics and statics of a leg as CasADi functions, made from the sympy expressions of its Denavit-Hartenberg table.
 
 This package is the only one that imports casadi.
 """
@@ -36,11 +36,12 @@ _SHAPES = {"foot": (3,), "jacobian": (3, 3), "axes": (3, 3), "knee": (3,), "mome
 
 
 class LegStates(NamedTuple):
-    """Places and slopes of every leg in the body frame, for angles q (..., L, 3).
+    """Positions and derivatives of every leg in the body frame, for joint angles (..., L, 3).
 
-    ``foot`` and ``knee`` (..., L, 3) [m]; ``jacobian`` (..., L, 3, 3) [m/rad] of the foot; ``axes`` (..., L, 3, 3), the
-    unit vectors along the joints as columns; ``moment`` (..., L, 3) [kg m], the leg's mass times its centre's place;
-    ``moment_slope`` (..., L, 3, 3) [kg m/rad], its derivative by the angles.
+    ``foot`` and ``knee`` (..., L, 3) [m] are positions, and ``jacobian`` (..., L, 3, 3) [m/rad] is that of the foot.
+    ``axes`` (..., L, 3, 3) holds the unit vectors along the joint axes as columns. ``moment`` (..., L, 3) [kg m] is the
+    mass of the leg times the position of its centre of mass, and ``moment_slope`` (..., L, 3, 3) [kg m/rad] its
+    derivative with respect to the angles.
     """
 
     foot: Array
@@ -53,9 +54,9 @@ class LegStates(NamedTuple):
 
 @lru_cache(maxsize=16)
 def leg_function(table: LegTable) -> ca.Function:
-    """CasADi function of a leg type: (q (3), constants) -> the fields of ``LegStates``, matrices column by column.
+    """CasADi function of a leg type: (q (3) [rad], constants) -> the fields of ``LegStates`` of one leg.
 
-    ``constants`` are those of ``leg_constants``.
+    Matrices are flattened column by column. ``constants`` is a row of ``leg_constants``.
     """
     leg = derive(table.canonical())
     joints, parameters = ca.SX.sym("q", NUM_JOINTS), ca.SX.sym("p", len(leg.parameters))
@@ -78,25 +79,26 @@ def leg_function(table: LegTable) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def reach_function(table: LegTable) -> ca.Function:
-    """CasADi function of a leg type: (foot (3), parameters, side) -> room (2) to the outer and the inner reach.
+    """CasADi function of a leg type: (foot (3) [m], parameters, side) -> slack (2) to the outer and the inner reach.
 
-    In squares of the outer reach; negative where the foot is out of reach. ``side`` is that of the inverse's branch.
-    Raises NoClosedFormError for a leg without a closed-form inverse.
+    The slack is a difference of squared distances, divided by the square of the outer reach. It is negative where the
+    foot is out of reach. ``side`` is the side of the inverse's branch. Raises NoClosedFormError for a leg without a
+    closed-form inverse.
     """
     leg = derive(table.canonical())
     inverse = leg.inverse
     foot, parameters, side = ca.SX.sym("foot", 3), ca.SX.sym("p", len(leg.parameters)), ca.SX.sym("side")
     names = [inverse.x, inverse.y, inverse.z, *leg.parameters, inverse.side]
-    room = [bound / inverse.reach[1] ** 2 for bound in (inverse.outer, inverse.inner)]
-    found = with_functions(names, room, _FUNCTIONS)(*ca.vertsplit(foot), *ca.vertsplit(parameters), side)
+    slack = [bound / inverse.reach[1] ** 2 for bound in (inverse.outer, inverse.inner)]
+    found = with_functions(names, slack, _FUNCTIONS)(*ca.vertsplit(foot), *ca.vertsplit(parameters), side)
     return ca.Function("reach", [foot, parameters, side], [ca.vertcat(*found)])
 
 
 @lru_cache(maxsize=64)
 def leg_constants(robot: Robot) -> Array:
-    """Constants (L, n) of each leg: the table's parameters, masses and centres.
+    """Constants (L, n) of each leg: the parameters of its table, masses and centres of mass.
 
-    Masses [kg] are of what each joint carries up to the next one, centres of mass [m] in the joints' frames.
+    A mass [kg] is that of all parts between a joint and the next one. Its centre of mass [m] is in the joint's frame.
     """
     masses = [robot.segments[name].mass for name in SEGMENT_NAMES]
     total = np.array([*masses[:-1], masses[-1] + robot.foot.mass])
@@ -115,7 +117,7 @@ def leg_constants(robot: Robot) -> Array:
 
 
 def leg_states(robot: Robot, q: NDArray[np.float64]) -> LegStates:
-    """Evaluate ``leg_function`` for all legs: ``q`` (..., L, 3) [rad]."""
+    """Evaluate ``leg_function`` for all legs at the joint angles ``q`` (..., L, 3) [rad]."""
     flat = q.reshape(-1, NUM_JOINTS)
     constants = np.broadcast_to(leg_constants(robot), (*q.shape[:-1], leg_constants(robot).shape[1]))
     function = leg_function(robot.table.canonical()).map(len(flat))
@@ -123,5 +125,5 @@ def leg_states(robot: Robot, q: NDArray[np.float64]) -> LegStates:
     fields = []
     for value, shape in zip(outputs, _SHAPES.values(), strict=True):
         stacked = np.asarray(value).T.reshape(*q.shape[:-1], *shape)
-        fields.append(stacked.swapaxes(-1, -2) if len(shape) == 2 else stacked)  # CasADi counts by columns
+        fields.append(stacked.swapaxes(-1, -2) if len(shape) == 2 else stacked)  # CasADi stores matrices by columns
     return LegStates(*fields)

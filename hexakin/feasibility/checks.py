@@ -1,7 +1,12 @@
-"""Whether a motion can be carried out: reach, limits, speed, clearance, balance, friction and torque (``check``)."""
+"""Checks whether a motion can be carried out: reach, limits, speed, clearance, balance, friction and torque.
+
+Balance, friction and torque are those of a robot at rest (Bretl and Lall, "Testing static equilibrium for legged
+robots", IEEE Trans. Robotics 24(4), 2008); the slack of the balance is A(33) of the centre of mass.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,34 +30,55 @@ from hexakin.terrain.base import Terrain, check_terrain, gaps
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import transform_points
 
-_ROUNDING = 1e-9  # of margins: a pose on its limit keeps it
-_TIE = 1e-6  # of margins: of instants as bad as this the first is named, as on every machine
+_ROUNDING = 1e-9  # in the constraint's unit: a pose exactly at its limit satisfies it
+_TIE = 1e-6  # in the constraint's unit: instants this close are equally bad; the first is named, on every machine
 
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """One constraint over a motion.
+    """One constraint over a motion, as ``check`` returns it.
 
-    ``margins`` (n, L), or (n,) for those of the whole robot, in ``unit``; negative where violated, NaN where it does
-    not apply. ``worst`` is the smallest, at ``time`` [s] and ``leg`` (1-based; None for the whole robot).
-    ``satisfied`` is None if it was not checked, and ``mend`` then says why; else ``mend`` says what would mend it.
+    Parameters
+    ----------
+    name
+        Name of the constraint, such as ``"joint limits"``.
+    unit
+        Unit of ``slack`` and ``worst``; empty for a coefficient of friction.
+    slack
+        Distances to the constraint's bound in [unit]: (n, L), or (n,) for a constraint of the whole robot. They are
+        negative where the constraint is violated, and NaN where it does not apply.
+    worst
+        Smallest slack, in ``unit``.
+    time, leg
+        Time [s] and leg (1-based; None for the whole robot) of the smallest slack.
+    satisfied
+        Whether the constraint holds at every instant; None if it was not checked.
+    mend
+        A change that would satisfy a violated constraint, or the reason why it was not checked; else empty.
     """
 
     name: str
     unit: str
-    margins: Array
+    slack: Array
     worst: float
     time: float
     leg: int | None
     satisfied: bool | None
     mend: str = ""
 
+    @property
+    def margins(self) -> Array:
+        """Old name of ``slack``, with a DeprecationWarning."""
+        warnings.warn("Constraint.margins is now called slack", DeprecationWarning, stacklevel=2)
+        return self.slack
+
 
 @dataclass(frozen=True, eq=False)
 class FeasibilityReport:
-    """Answer of ``check``: the constraints by name and the forces that hold the motion.
+    """Result of ``check``: the constraints and the forces that hold the robot during the motion.
 
-    ``forces`` (``ForceDistribution``) has NaN where the legs do not reach, and its outcome is "" there.
+    ``constraints`` maps names to constraints. ``forces`` is a ``ForceDistribution``; at instants at which a leg does
+    not reach its target its values are NaN and its outcome is "". ``motion`` is the motion that was checked.
     """
 
     constraints: Mapping[str, Constraint]
@@ -61,7 +87,7 @@ class FeasibilityReport:
 
     @property
     def feasible(self) -> bool:
-        """Whether every constraint that was checked is kept at every instant."""
+        """Whether every constraint that was checked holds at every instant."""
         return all(constraint.satisfied is not False for constraint in self.constraints.values())
 
     @property
@@ -78,7 +104,7 @@ class FeasibilityReport:
             where = "" if c.leg is None else f", leg {c.leg}"
             mark = "ok " if c.satisfied else "NO "
             said = f"; {c.mend}" if c.mend else ""
-            lines.append(f"  {c.name:16} {mark} worst margin {c.worst:+.4g} {c.unit} at {c.time:.4g} s{where}{said}")
+            lines.append(f"  {c.name:16} {mark} smallest slack {c.worst:+.4g} {c.unit} at {c.time:.4g} s{where}{said}")
         return "\n".join(lines)
 
 
@@ -91,23 +117,27 @@ def check(
     facets: int = 16,
     clearance: float = 0.0,
 ) -> FeasibilityReport:
-    """Check at every instant of a motion whether the legs can do it and the ground can hold it.
+    """Check at every instant of a motion whether the legs can carry it out and the ground can hold the robot.
 
-    The robot is taken to be at rest at every instant (no inertia forces). Forces are those of the least joint torque
-    with friction cones as pyramids of ``facets`` sides (``distribute``).
+    The robot is treated as at rest at every instant: there are no inertia forces. The contact forces are those of the
+    least joint torque (``distribute``).
 
-    Raises InvalidInputError or UnknownNameError for what cannot be used, SolverError if a solver gave up.
+    Returns a ``FeasibilityReport``. Raises InvalidInputError or UnknownNameError for an argument that cannot be used,
+    and SolverError if a solver fails.
 
     Parameters
     ----------
     motion
         A plan (``plan_walk``), a controller's commands (``commanded_walk``), a recording or any ``Motion``.
     terrain
-        That of the motion. Paper B's curves have no height away from the feet: knees and torso are not checked there.
+        The terrain of the motion. Paper B's curves give the height at the feet only, so that knees and torso are not
+        checked on them.
     friction
         Coefficient of friction between feet and ground.
+    facets
+        Number of sides of the pyramids that replace the friction cones.
     clearance
-        Room [m] to keep between the ground and the knees, the torso and the feet in the air.
+        Smallest allowed distance [m] from the ground to the knees, to the torso and to the feet in the air.
     """
     check_robot(robot)
     check_number("clearance", clearance, at_least=0.0, unit="m")
@@ -127,50 +157,50 @@ def check(
 
 
 def _constraint(
-    name: str, unit: str, margins: Array, motion: Motion, mend: str, violated: NDArray[np.bool_] | None = None
+    name: str, unit: str, slack: Array, motion: Motion, mend: str, violated: NDArray[np.bool_] | None = None
 ) -> Constraint:
-    """Find the worst margin; ``mend`` is a text with {short}, the worst violation as a positive number."""
-    if not np.isfinite(margins).any():
-        return Constraint(name, unit, margins, float("nan"), float("nan"), None, None, "it applies at no instant")
-    bad = margins < -_ROUNDING if violated is None else violated
-    ranked = np.where(bad, margins, np.inf) if bad.any() else margins
+    """Find the smallest slack; ``mend`` is a text with {short}, the largest violation as a positive number."""
+    if not np.isfinite(slack).any():
+        return Constraint(name, unit, slack, float("nan"), float("nan"), None, None, "it applies at no instant")
+    bad = slack < -_ROUNDING if violated is None else violated
+    ranked = np.where(bad, slack, np.inf) if bad.any() else slack
     least = float(np.nanmin(ranked))
     worst = least if abs(least) > _ROUNDING else 0.0
-    place = np.unravel_index(int(np.argmax(ranked <= least + _TIE)), margins.shape)
-    leg = int(place[1]) + 1 if margins.ndim == 2 else None
+    place = np.unravel_index(int(np.argmax(ranked <= least + _TIE)), slack.shape)
+    leg = int(place[1]) + 1 if slack.ndim == 2 else None
     said = mend.format(short=f"{max(-worst, 0.0):.3g}", leg=leg) if bad.any() else ""
-    return Constraint(name, unit, margins, worst, float(motion.time[place[0]]), leg, not bad.any(), said)
+    return Constraint(name, unit, slack, worst, float(motion.time[place[0]]), leg, not bad.any(), said)
 
 
 def _reach(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constraint:
     solution = inverse_kinematics(robot, motion.p_body_foot)
-    margin = np.minimum(solution.distance - solution.reach[..., 0], solution.reach[..., 1] - solution.distance)
+    slack = np.minimum(solution.distance - solution.reach[..., 0], solution.reach[..., 1] - solution.distance)
     lost = ~solution.reachable | ~reached
-    margin = np.where(lost, np.minimum(margin, 0.0), np.maximum(margin, 0.0))
-    return _constraint("reach", "m", margin, motion, "bring the target of leg {leg} {short} m nearer", lost)
+    slack = np.where(lost, np.minimum(slack, 0.0), np.maximum(slack, 0.0))
+    return _constraint("reach", "m", slack, motion, "bring the target of leg {leg} {short} m nearer", lost)
 
 
 def _limits(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constraint:
     with np.errstate(invalid="ignore"):
-        margin = np.minimum(motion.q - robot.q_min, robot.q_max - motion.q).min(axis=-1)
-    bad = (margin < -_ROUNDING) | (motion.clipped & reached)
+        slack = np.minimum(motion.q - robot.q_min, robot.q_max - motion.q).min(axis=-1)
+    bad = (slack < -_ROUNDING) | (motion.clipped & reached)
     mend = "leg {leg} needs {short} rad more, a shorter stride or another height"
-    if (motion.clipped & ~(margin < -_ROUNDING)).any():
+    if (motion.clipped & ~(slack < -_ROUNDING)).any():
         mend += " (targets were clipped to the limits)"
     return _constraint(
-        "joint limits", "rad", np.where(motion.clipped, np.minimum(margin, 0.0), margin), motion, mend, bad
+        "joint limits", "rad", np.where(motion.clipped, np.minimum(slack, 0.0), slack), motion, mend, bad
     )
 
 
 def _speed(robot: Robot, motion: Motion) -> Constraint:
-    limit, margins = robot.servo.max_speed, np.full(motion.q.shape[:2], np.nan)
+    limit, slack = robot.servo.max_speed, np.full(motion.q.shape[:2], np.nan)
     if limit is None:
         said = "the robot's file gives no servo.max_speed"
-        return Constraint("joint speed", "rad/s", margins, float("nan"), float("nan"), None, None, said)
+        return Constraint("joint speed", "rad/s", slack, float("nan"), float("nan"), None, None, said)
     speed = np.abs(np.diff(motion.q, axis=0)).max(axis=-1) / np.diff(motion.time)[:, None]
-    margins[1:] = limit - speed
+    slack[1:] = limit - speed
     fastest = float(np.nanmax(speed)) if np.isfinite(speed).any() else limit
-    return _constraint("joint speed", "rad/s", margins, motion, f"walk {fastest / limit:.2f} times slower")
+    return _constraint("joint speed", "rad/s", slack, motion, f"walk {fastest / limit:.2f} times slower")
 
 
 def _clearances(
@@ -185,16 +215,16 @@ def _clearances(
     if isinstance(terrain, LegCurves):
         if motion.ground_height is None:
             raise InvalidInputError(
-                "terrain: paper B's curves belong to plans; this motion has no heights of the ground"
+                "terrain: paper B's curves can be used with plans only; this motion has no heights of the ground"
             )
         gap = feet[..., 2] - motion.ground_height - robot.foot_radius
     else:
         gap = foot_gaps(robot, terrain, feet)
-    room = np.where(motion.carrying, np.nan, gap - clearance)
+    slack = np.where(motion.carrying, np.nan, gap - clearance)
     mend = "raise the swing of leg {leg} by {short} m"
-    found = [_constraint("foot clearance", "m", room, motion, mend, room < -motion.touch)]
+    found = [_constraint("foot clearance", "m", slack, motion, mend, slack < -motion.touch)]
     if isinstance(terrain, LegCurves):
-        said, none = "paper B's curves have no ground away from the feet", np.full(room.shape, np.nan)
+        said, none = "paper B's curves have no ground away from the feet", np.full(slack.shape, np.nan)
         return found + [
             Constraint(name, "m", none, float("nan"), float("nan"), None, None, said)
             for name in ("knee clearance", "torso clearance")
@@ -221,7 +251,7 @@ def _forces(
     robot: Robot, motion: Motion, q: Array, whole: NDArray[np.bool_], terrain: Terrain | LegCurves,
     friction: float, facets: int,
 ) -> ForceDistribution:  # fmt: skip
-    """Forces at the instants at which all legs reach; elsewhere NaN and the outcome ""."""
+    """Forces at the instants at which all legs reach their targets; elsewhere NaN, with the outcome ""."""
     part = distribute(
         robot, motion.T_world_body[whole], q[whole], motion.carrying[whole], _normals(motion, terrain)[whole],
         friction=friction, facets=facets,
@@ -246,7 +276,7 @@ def _statics(
     contacts = transform_points(motion.T_world_body, motion.p_body_foot) - robot.foot_radius * normals
     above = polygon_margins(forces.center_of_mass[:, :2], contacts[..., :2], motion.carrying)
     tips = forces.outcome == "support"
-    # A robot that tips has no margin above zero, whatever the feet seen from above say, nor need it have one.
+    # Where the robot tips, the slack is at most zero, even if the support polygon contains the centre of mass.
     above = np.where(tips, np.minimum(np.nan_to_num(above, nan=-np.inf), 0.0), above)
     balance = _constraint(
         "balance",
@@ -260,9 +290,9 @@ def _statics(
     normal_force = np.einsum("nli,nli->nl", forces.force, normals)
     tangential = np.linalg.norm(forces.force - normal_force[..., None] * normals, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(normal_force > 1e-6 * robot.weight, friction - tangential / normal_force, np.nan)
+        slack = np.where(normal_force > 1e-6 * robot.weight, friction - tangential / normal_force, np.nan)
     slides = forces.outcome == "friction"
-    mend, legs = "", np.broadcast_to(slides[:, None], room.shape)
+    mend, legs = "", np.broadcast_to(slides[:, None], slack.shape)
     if slides.any():
         needed = np.full(len(slides), np.nan)
         states = leg_states(robot, np.nan_to_num(motion.q))
@@ -271,9 +301,9 @@ def _statics(
             torque_unit=robot.servo.max_torque,
         )  # fmt: skip
         needed[slides] = friction_needed(problem.at(np.flatnonzero(slides)))
-        room = np.where(legs, (friction - needed)[:, None], room)
+        slack = np.where(legs, (friction - needed)[:, None], slack)
         mend = f"the ground needs a friction of {np.nanmax(needed):.3g}, or less slope under the feet"
-    slip = _constraint("friction", "", room, motion, mend, legs)
+    slip = _constraint("friction", "", slack, motion, mend, legs)
 
     weak = forces.outcome == "torque"
     torque = robot.servo.max_torque - np.abs(forces.torque).max(axis=-1)

@@ -1,9 +1,10 @@
-"""Design questions as small nonlinear programmes: how far, how high, how steep, and in which posture.
+"""Design questions as small nonlinear programs: longest stride, highest step, steepest slope and best posture.
 
-Every question is put over a few instants of a walk on a plane that rises along the robot's forward axis. At each of
-them angles, body pose and contact forces are variables, bound by the leg functions, the joint limits, equilibrium, the
-friction cones (pyramids of 16 sides, an edge uphill) and the torque limit. IPOPT finds an optimum that is local;
-wherever it was compared with sampling (notebook ``c1_feasibility``), it was the global one.
+Each question covers a few instants of a walk on a plane that rises along the robot's forward axis. The tripod gait is
+that of A section 4.1. At each instant the joint angles, the body pose and the contact forces are variables. The
+constraints are the leg's kinematics, the joint limits, the equilibrium, the friction cones (as pyramids of 16 sides,
+one edge of which points uphill) and the torque limit. IPOPT (Waechter and Biegler 2006) finds a local optimum. Wherever
+it was compared with sampling (notebook ``c1_feasibility``), it was the global optimum.
 """
 
 from __future__ import annotations
@@ -26,20 +27,27 @@ from hexakin.stability.friction_pyramid import pyramid_faces
 from hexakin.walking.gait import tripod
 
 STROKES = ("full_stride", "half_stride")
-_SLACK = 1e-6
-_ACTIVE = 1e-3  # of the largest multiplier: constraints that press less than this do not end anything
+_SLACK = 1e-6  # a constraint with more slack than this is not active
+_ACTIVE = 1e-3  # of the largest multiplier: constraints with a smaller multiplier are not named as active
 _FACETS = 16
-_UNLOADED = 1e-4  # of the weight
-_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a phase: the instants that are looked at
+_UNLOADED = 1e-4  # of the weight: a foot with a smaller normal force carries no load
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a phase: the instants that are part of the problem
 
 
 @dataclass(frozen=True)
 class Design:
-    """Answer of a design question.
+    """Result of a design question.
 
-    ``value`` is the optimum in the question's unit, NaN if nothing is possible; ``active`` the constraints that end it,
-    such as ``"torque, leg 3"``; ``variables`` the other quantities that were free, by name; ``feasible`` says whether
-    anything was possible. The solver's claim that nothing is, is a local one.
+    Parameters
+    ----------
+    value
+        The optimum, in the unit of the question; NaN if there is no feasible solution.
+    active
+        Names of the constraints that limit the optimum, such as ``"torque, leg 3"``; the strongest comes first.
+    variables
+        Values of the variables of the question at the optimum, by name, in SI units.
+    feasible
+        Whether a feasible solution was found. If it is False, the solver has shown only locally that there is none.
     """
 
     value: float
@@ -57,11 +65,25 @@ def longest_stride(
     friction: float = 0.9,
     first_phase: Literal["full_stride", "half_stride"] = "full_stride",
 ) -> Design:
-    """Longest stride [m] of the tripod gait A(19)-(23) that reach, limits, friction and torque allow.
+    """Longest stride [m] of the tripod gait A(19)-(23) that reach, joint limits, friction and torque allow.
 
-    ``body_height`` [m] of the body's origin over the plane, None for the standing pose's; ``slope`` [rad], the body
-    parallel to it; ``apex`` [m] of the swing; ``first_phase`` as in ``PostureController``: strokes from the standing
-    footholds, or centred on them.
+    Returns a ``Design`` with the stride [m] as its value. Raises InvalidInputError for a value out of its range,
+    UnknownNameError for another ``first_phase``, NoClosedFormError for a leg without a closed-form inverse, and
+    SolverError if IPOPT fails.
+
+    Parameters
+    ----------
+    body_height
+        Height [m] of the body's origin over the plane; None is that of the standing pose.
+    slope
+        Slope [rad] of the plane. The body is parallel to it.
+    apex
+        Height [m] of the swing.
+    friction
+        Coefficient of friction between feet and plane.
+    first_phase
+        As in ``PostureController``: the strokes start at the standing footholds (``"full_stride"``), or they are
+        centred on them (``"half_stride"``).
     """
     question = _Question(robot, slope, friction, body_height)
     stride = question.free("stride", 0.02, 0.0, 1.0)
@@ -78,10 +100,11 @@ def highest_step(
     friction: float = 0.9,
     first_phase: Literal["full_stride", "half_stride"] = "full_stride",
 ) -> Design:
-    """Highest step [m] that each leg, one at a time, can put its foot on at the end of a swing.
+    """Highest step [m] on which each leg, one at a time, can place its foot at the end of a swing.
 
-    The other tripod stands below, the body keeps its height. Arguments as for ``longest_stride``. Only the foothold is
-    asked for, not a path to it.
+    The feet of the other tripod stand on the plane below, and the body keeps its height. Only the foothold is checked,
+    not a path to it. ``stride`` [m] is the length of a stroke; ``body_height`` [m], ``slope`` [rad], ``friction``,
+    ``first_phase``, the result and the errors are those of ``longest_stride``.
     """
     question = _Question(robot, slope, friction, body_height)
     check_number("stride", stride, at_least=0.0, unit="m")
@@ -93,19 +116,21 @@ def highest_step(
 
 
 def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> Design:
-    """Posture on a slope [rad] with the largest torque margin [N m], the six feet on their standing footholds.
+    """Posture on a slope with the largest torque margin [N m], with all feet on their standing footholds.
 
-    Free are the body's ``height`` [m] over the plane, its ``pitch`` [rad] against it (positive: the front up) and its
-    ``shift`` [m] uphill, as far as limits and the torso's room over the ground allow.
+    The torque margin is the torque limit minus the largest joint torque. The variables are the height of the body over
+    the plane (``"height"`` [m]), its pitch relative to the plane (``"pitch"`` [rad], positive with the front up) and
+    its displacement uphill (``"shift"`` [m]), within the joint limits and the clearance of the torso. ``slope`` [rad]
+    is that of the plane, ``friction`` the coefficient of friction. Result and errors are those of ``longest_stride``.
     """
     question = _Question(robot, slope, friction, None)
-    margin = question.free("margin", 0.0, -50.0, robot.servo.max_torque)
+    torque_margin = question.free("torque_margin", 0.0, -50.0, robot.servo.max_torque)
     question.height = question.free("height", question.height, 0.0, 1.0)
     question.pitch = question.free("pitch", 0.0, -1.0, 1.0)
     question.shift = question.free("shift", 0.0, -0.2, 0.2)
-    question.margin = margin
+    question.torque_margin = torque_margin
     question.instant(dict.fromkeys(range(robot.num_legs), 0.0), set(range(robot.num_legs)))
-    return question.maximise(margin)
+    return question.maximise(torque_margin)
 
 
 def steepest_slope(
@@ -119,10 +144,11 @@ def steepest_slope(
     max_torque: float | None = None,
     first_phase: Literal["full_stride", "half_stride"] = "full_stride",
 ) -> Design:
-    """Steepest slope [rad] on which the robot can stand on all feet, or walk up with the tripod gait.
+    """Steepest slope [rad], up to 80 degrees, on which the robot can stand on all feet or walk up with the tripod gait.
 
-    The body is parallel to the slope. ``max_torque`` [N m] replaces the servo's. Arguments else as for
-    ``longest_stride``; the slope is searched up to 80 degrees.
+    The body is parallel to the slope. ``walking`` selects walking instead of standing; only then ``stride`` [m],
+    ``apex`` [m] and ``first_phase`` are used. ``max_torque`` [N m] replaces the torque limit of the servo.
+    ``body_height`` [m], ``friction``, the result and the errors are those of ``longest_stride``.
     """
     question = _Question(robot, 0.0, friction, body_height, max_torque)
     question.slope = question.free("slope", 0.1, 0.0, np.radians(80.0))
@@ -134,9 +160,9 @@ def steepest_slope(
 
 
 def _phases(robot: Robot, stride: Any, first_phase: str) -> list[tuple[set[int], dict[int, Any], dict[int, Any]]]:
-    """Phases of a cycle: the legs that swing, and how far each leg is ahead of its standing foothold before and after.
+    """Phases of a cycle: the legs that swing, and the foot positions of all legs at the start and at the end.
 
-    Distances count along the body, which stays where it is.
+    A position is the distance of the foot ahead of its standing foothold, relative to the body.
     """
     if first_phase not in STROKES:
         raise UnknownNameError("first_phase", first_phase, list(STROKES))
@@ -155,9 +181,10 @@ def _phases(robot: Robot, stride: Any, first_phase: str) -> list[tuple[set[int],
 
 @dataclass
 class _Question:
-    """A nonlinear programme that is put together from instants of a motion.
+    """A nonlinear program that is assembled from instants of a motion.
 
-    Poses are in the plane's frame: its z is the plane's normal, the robot walks uphill. Forces are in units of m g.
+    Poses are in the plane's frame: its z axis is the plane's normal, and the robot walks uphill. Forces are in units of
+    m g.
     """
 
     robot: Robot
@@ -178,7 +205,7 @@ class _Question:
         check_number("max_torque", self.limit, above=0.0, unit="N m")
         self.pitch: Any = 0.0
         self.shift: Any = 0.0
-        self.margin: Any = 0.0
+        self.torque_margin: Any = 0.0
         self.footholds = forward_kinematics(robot, robot.standing_q)
         self.cone = pyramid_faces(np.array([self.friction]), _FACETS)[0]
         self.function = leg_function(robot.table.canonical())
@@ -186,11 +213,11 @@ class _Question:
         self.named: dict[str, ca.MX] = {}
         self.variables: list[_Variable] = []
         self.rows: list[tuple[str, ca.MX, float, float]] = []
-        self.impossible: dict[str, None] = {}  # names of requirements that no choice of the unknowns can meet
+        self.impossible: dict[str, None] = {}  # names of the constraints that no values of the variables can satisfy
         self.loads: dict[int, ca.MX] = {}  # normal forces, by the number of the row that bounds them
 
     def free(self, name: str, guess: float, low: float, high: float) -> ca.MX:
-        """Return a scalar variable that is part of the answer."""
+        """Return a scalar variable that is part of the result."""
         self.named[name] = self._variable(f"range of {name}", [guess], [low], [high])
         return self.named[name]
 
@@ -201,7 +228,7 @@ class _Question:
         return variable.symbol
 
     def _require(self, name: str, expression: Any, low: float, high: float) -> None:
-        """Bound an expression; one without unknowns is decided now."""
+        """Bound an expression; an expression without variables is checked immediately."""
         for row in ca.vertsplit(ca.MX(expression)):
             if not row.is_constant():
                 self.rows.append((name, row, low, high))
@@ -209,7 +236,7 @@ class _Question:
                 self.impossible[name] = None
 
     def walk(self, stride: Any, apex: float, first_phase: str) -> None:
-        """Both phases of the tripod gait at a few instants each; between them only the swinging legs count."""
+        """Add both phases of the tripod gait, at a few instants each."""
         check_number("apex", apex, at_least=0.0, unit="m")
         if not isinstance(stride, ca.MX):
             check_number("stride", stride, at_least=0.0, unit="m")
@@ -222,7 +249,7 @@ class _Question:
                 self.instant(place, set(start) - swinging, lift=dict.fromkeys(swinging, 4 * apex * share * (1 - share)))
 
     def instant(self, place: Mapping[int, Any], carrying: set[int], lift: Mapping[int, Any] | None = None) -> None:
-        """Add an instant: how far ahead of its standing foothold each foot is, how high, and which ones carry."""
+        """Add an instant: each foot's distance ahead of its standing foothold, its height, and the carrying feet."""
         robot, up = self.robot, ca.DM([0.0, 0.0, 1.0])
         forward, right = ca.DM(robot.forward), ca.DM(robot.right)
         c, s = ca.cos(self.pitch), ca.sin(self.pitch)
@@ -240,7 +267,7 @@ class _Question:
             self._require("place", R @ state["foot"] + body - ground - (raised + robot.foot_radius) * up, 0.0, 0.0)
             side = float(BRANCH_SIGNS[standing_branch(robot)[leg], 0])
             stretched = self.reach(state["foot"], robot.parameters[leg], side)
-            # Short of the boundary by 1e-6 of the reach: a leg that is quite straight has no slope across itself.
+            # Keep 1e-6 of the reach from the boundary: a fully stretched leg has no derivative along itself.
             self._require(f"reach, leg {leg + 1}", stretched, 2e-6, np.inf)
             legs[leg] = (state, ground)
         moments = [state["moment"] for state, _ in legs.values()]
@@ -261,15 +288,15 @@ class _Question:
                 jacobian, axes = (ca.reshape(state[name], 3, 3) for name in ("jacobian", "axes"))
                 torque -= weight * contact_jacobian(jacobian, axes, ca.skew(lever)).T @ (R.T @ force)
             for sign in (1.0, -1.0):
-                room = 1.0 - (sign * torque + self.margin) / self.limit
-                self._require(f"torque, leg {leg + 1}", room, 0.0, np.inf)
+                slack = 1.0 - (sign * torque + self.torque_margin) / self.limit
+                self._require(f"torque, leg {leg + 1}", slack, 0.0, np.inf)
         self._require("equilibrium", ca.vertcat(total, 10.0 * turning), 0.0, 0.0)
         for corner in robot.torso_corners[::2]:
             point = R @ ca.DM(corner) + body
             self._require("torso clearance", point[2], 0.0, np.inf)
 
     def maximise(self, goal: ca.MX) -> Design:
-        """Solve it."""
+        """Maximise ``goal`` under the constraints; raises SolverError if IPOPT fails."""
         nothing = dict.fromkeys(self.named, float("nan"))
         if self.impossible:
             return Design(float("nan"), tuple(self.impossible), nothing, feasible=False)
@@ -298,17 +325,19 @@ class _Question:
         at = np.concatenate([np.asarray(found[key]).ravel() for key in ("g", "x")])
         least, most = np.concatenate([row_low, low]), np.concatenate([row_high, high])
         slack = np.minimum(at - least, most - at)
-        multipliers[(slack > _SLACK) | (least == most)] = 0.0  # equations always hold, what has room ends nothing
+        # Equations always hold, and a constraint with slack does not limit the optimum.
+        multipliers[(slack > _SLACK) | (least == most)] = 0.0
         pressure: dict[str, float] = {}
         for name, multiplier in zip(names, multipliers, strict=True):
             pressure[name] = max(pressure.get(name, 0.0), float(multiplier))
-        ranked = sorted(pressure, key=lambda name: -pressure[name])
+        # Of constraints that press alike, to two digits, the first by name comes first, as on every machine.
+        ranked = sorted(pressure, key=lambda name: (-float(f"{pressure[name]:.2g}"), name))
         active = tuple(name for name in ranked if pressure[name] > _ACTIVE * pressure[ranked[0]])
         return Design(float(optimum), active, {name: float(v) for name, v in answer.items()}, feasible=True)
 
 
 class _Variable:
-    """A vector of unknowns with a name for its bounds."""
+    """A vector of variables with its bounds and a name for them."""
 
     def __init__(self, name: str, guess: Array, low: Array, high: Array):
         self.name, self.guess, self.low, self.high = name, guess, low, high

@@ -1,7 +1,7 @@
-"""Solving the force problems: quadratic programmes of many instants at once, and linear ones for what they leave.
+"""Solvers of the force problems: quadratic programs of many instants, and linear programs of single instants.
 
-What a solver says of itself is not asked. Every answer is checked against the constraints; an instant without a good
-one is shown by a linear programme to have none, or solved by another method.
+The status that a solver reports is not used. Every solution is checked against the constraints. If the check fails at
+an instant, a linear program shows that there is no solution, or another method solves the instant.
 """
 
 from __future__ import annotations
@@ -19,29 +19,31 @@ from hexakin.feasibility.statics import StaticProblem
 from hexakin.stability.friction_pyramid import pyramid_faces
 
 MOST_FRICTION = 10.0
-"""Coefficient of friction beyond any ground's: what tips even with it tips, and is not said to slide.
+"""Coefficient of friction larger than that of any ground; a stance that tips even with it is reported as tipping.
 
-Feet that are not quite in one plane could else be wedged against each other by forces without bound."""
+Without this bound, unbounded forces could press feet that are not exactly in one plane against each other."""
 
-_REGULARISATION = 1e-6
-_EQUILIBRIUM = 1e-8  # [N], and of moments [N m]
-_INEQUALITY = 1e-8  # of m g, and of the torque limit
-_CHUNK = 250  # instants solved in one call: their matrices stay in the processor's cache
-_RANK = 1e-9  # of the largest singular value
+_REGULARISATION = 1e-6  # weight of the squared forces in the cost
+_EQUILIBRIUM = 1e-8  # [N] and [N m], largest residual of a solution
+_INEQUALITY = 1e-8  # of m g and of the torque limit, largest violation by a solution
+_CHUNK = 250  # instants solved in one call, so that their matrices stay in the processor's cache
+_RANK = 1e-9  # of the largest singular value: smaller ones count as zero
 
 
 @lru_cache(maxsize=16)
 def _solver(size: int, rows: int, instants: int, name: str) -> ca.Function:
-    """Quadratic programmes of many instants in one call, side by side (CasADi's map)."""
+    """Solver of the quadratic programs of many instants in one call (CasADi's map)."""
     shapes = {"h": ca.Sparsity.dense(size, size), "a": ca.Sparsity.dense(rows, size)}
     return ca.conic("forces", name, shapes, {"error_on_fail": False}).map(instants)
 
 
 def solved(problem: StaticProblem, bounded: bool, name: str = "daqp", rank: int = 6) -> tuple[Array, Array]:
-    """Forces (n, 3 L) in the contact frames and costs (n,), not checked yet.
+    """Forces (n, 3 L) in the contact frames and costs (n,), not yet checked against the constraints.
 
-    Forces are one solution of the equilibrium plus what leaves it as it is, so that no solver's tolerance touches it.
-    ``rank`` is that of the equilibrium; instants of a lower one (feet in line, or too few) have NaN.
+    The forces are one solution of the equilibrium plus a combination of its null space, so that the equilibrium holds
+    exactly, whatever the solver's tolerance. ``bounded`` applies the torque limits; ``name`` is CasADi's name of the
+    solver. ``rank`` is the rank of the equilibrium. Instants with a lower rank (too few feet, or all on one line) are
+    NaN.
     """
     n, num_legs = problem.carrying.shape
     size = 3 * num_legs
@@ -64,9 +66,9 @@ def solved(problem: StaticProblem, bounded: bool, name: str = "daqp", rank: int 
 
 
 def _programme(problem: StaticProblem, bounded: bool, span: slice, start: Array, free: Array) -> dict[str, Array]:
-    """Quadratic programmes of some instants over y, with the forces start + free @ y; instants first.
+    """Quadratic programs of some instants over y, where the forces are start + free @ y; the first axis is the instant.
 
-    Forces of feet in the air stand alone in the cost, so that they come out as zero.
+    Forces of feet in the air appear in the cost only, with weight 1, so that they become zero.
     """
     jacobian, rest = problem.torque_map[span], problem.torque_free[span]
     n, num_legs = rest.shape[:2]
@@ -76,8 +78,8 @@ def _programme(problem: StaticProblem, bounded: bool, span: slice, start: Array,
     offset = (rest + np.einsum("nlij,nlj->nli", jacobian, at_start)).reshape(n, -1)
     weight = np.where(problem.carrying[span], _REGULARISATION, 1.0).repeat(3, axis=1)
     cones = (problem.cone[span, None] @ per_leg) * problem.carrying[span, :, None, None]
-    room = -(problem.cone[span, None] @ at_start[..., None])[..., 0] * problem.carrying[span, :, None]
-    rows, high = [cones.reshape(n, -1, free.shape[2])], [room.reshape(n, -1)]
+    slack = -(problem.cone[span, None] @ at_start[..., None])[..., 0] * problem.carrying[span, :, None]
+    rows, high = [cones.reshape(n, -1, free.shape[2])], [slack.reshape(n, -1)]
     low = [np.full_like(high[0], -np.inf)]
     if bounded:
         rows, low, high = [*rows, slope], [*low, -1.0 - offset], [*high, 1.0 - offset]
@@ -93,7 +95,7 @@ def _programme(problem: StaticProblem, bounded: bool, span: slice, start: Array,
 
 
 def optimum(programme: dict[str, Array], name: str) -> tuple[Array, Array]:
-    """Optimal y (n, k) and cost (n,) of the programmes."""
+    """Optimal y (n, k) and cost (n,) of the quadratic programs."""
     constant = programme.pop("constant")
     n, rows, size = programme["a"].shape
     side_by_side = {
@@ -105,7 +107,7 @@ def optimum(programme: dict[str, Array], name: str) -> tuple[Array, Array]:
 
 
 def satisfied(problem: StaticProblem, solution: Array, bounded: bool) -> NDArray[np.bool_]:
-    """Whether forces (n, 3 L) keep every constraint; what the solver says of itself is not asked."""
+    """Whether forces (n, 3 L) satisfy every constraint, (n,), computed without the solver's own status."""
     n = len(solution)
     force = solution.reshape(n, -1, 3)
     off = np.abs(np.einsum("nij,nj->ni", problem.equilibrium, solution) - problem.weight).max(axis=1)
@@ -116,7 +118,10 @@ def satisfied(problem: StaticProblem, solution: Array, bounded: bool) -> NDArray
 
 
 def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = None) -> float | None:
-    """Smallest largest torque [limit] that holds an instant, found by a linear programme; None if nothing holds it."""
+    """Smallest torque limit that holds an instant, by a linear program; None if no forces hold it.
+
+    The result is in units of the problem's torque limit. ``cone`` (facets, 3) replaces the pyramid of the problem.
+    """
     jacobian, free = problem.torque_map[instant], problem.torque_free[instant]
     num_legs = len(jacobian)
     sides = problem.cone[instant] if cone is None else cone
@@ -145,7 +150,7 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
             return None
         if found.status == 0:
             break
-        # Left open, which happens at instants at which the robot tips.
+        # No result, which happens at instants at which the robot tips.
         if _shortfall(problem, instant, sides) > _LACKING:
             return None
     if found.status != 0:
@@ -154,12 +159,12 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
 
 
 _METHODS = ("highs", "highs-ipm")
-_INFEASIBLE = 2  # linprog's status of a problem that is shown to have no solution
-_LACKING = 1e-6  # of m g, and of its moment
+_INFEASIBLE = 2  # linprog's status of a problem that has no solution
+_LACKING = 1e-6  # of m g and of its moment: a larger residual shows that there is no solution
 
 
 def _shortfall(problem: StaticProblem, instant: int, sides: Array) -> float:
-    """Least sum of force and moment that lacks when the feet carry what they can; this always has a solution."""
+    """Smallest residual wrench that the contact forces leave; this linear program always has a solution."""
     num_legs, size = problem.carrying.shape[1], 3 * problem.carrying.shape[1]
     carried = np.repeat(problem.carrying[instant], 3)
     found = linprog(
@@ -174,7 +179,7 @@ def _shortfall(problem: StaticProblem, instant: int, sides: Array) -> float:
 
 
 def diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str, float]:
-    """Outcome of an instant whose programme was not solved, and the smallest largest torque [limit], by HiGHS."""
+    """Outcome of an instant whose quadratic program was not solved, and the smallest torque limit, both by HiGHS."""
     share = smallest_torque(problem, instant)
     if share is not None:
         return ("torque" if bounded and share > 1.0 + 1e-7 else "balanced"), share
@@ -183,11 +188,14 @@ def diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str,
 
 
 def solved_again(problem: StaticProblem, instant: int, bounded: bool) -> tuple[Array, float]:
-    """Solve by another method an instant that has a solution, though the first method found none."""
+    """Solve by another method an instant that has a solution that the first method did not find.
+
+    Returns the forces (3 L,) and the cost. Raises SolverError if the other method fails too.
+    """
     alone = problem.at(np.array([instant]))
     carried = alone.equilibrium[0] * np.repeat(alone.carrying[0], 3)
     singular = np.linalg.svd(carried, compute_uv=False)
     solution, cost = solved(alone, bounded, "piqp", rank=int((singular > _RANK * singular[0]).sum()))
     if not satisfied(alone, solution, bounded)[0]:
-        raise SolverError(f"force distribution at instant {instant}: it has a solution, which two methods did not find")
+        raise SolverError(f"force distribution at instant {instant}: two methods did not find the solution that exists")
     return solution[0], float(cost[0])

@@ -1,13 +1,16 @@
-"""Contact forces that hold a robot at rest: an optimal distribution over its feet, or why there is none.
+"""Contact forces that hold a robot at rest: an optimal distribution over its feet, or the reason why there is none.
 
-For each instant a quadratic programme over the forces f_i of the ground on the carrying feet::
+For each instant, a quadratic program determines the forces f_i of the ground on the feet that carry load::
 
     minimise    sum over all joints (tau / max_torque)^2  +  1e-6 sum |f_i|^2 / (m g)^2
     subject to  sum f_i + m g = 0,  sum (p_i - c) x f_i = 0        (equilibrium; c the centre of mass)
                 f_i in its friction cone, |tau| <= max_torque      (tau = gravity of the leg - J_i^T f_i)
 
-The cones are inscribed pyramids of ``facets`` sides, which lie within the true cone: a friction coefficient mu is used
-down to mu cos(pi / facets) between two edges of the pyramid and in full along them; one edge points uphill.
+Linear constraints in place of friction cones are those of C. A. Klein and S. Kittivatcharapong, "Optimal force
+distribution for the legs of a walking machine with friction cone constraints", IEEE Trans. Robotics and Automation
+6(1), 1990. Here they are inscribed pyramids of ``facets`` sides, which lie inside the cones. Along the edges of a
+pyramid the full friction coefficient mu is available, and between two edges at least mu cos(pi / facets). One edge
+points uphill.
 """
 
 from __future__ import annotations
@@ -27,17 +30,29 @@ from hexakin.robot.model import Robot, check_robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 
 OUTCOMES = ("balanced", "torque", "friction", "support")
-"""Outcomes of an instant: forces were found; joints lack torque; feet would slide; the robot would tip or fall."""
+"""Outcomes of an instant: forces were found; torque is too small; the feet would slide; the robot would tip or fall."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForceDistribution:
-    """Forces and joint torques of n instants.
+    """Contact forces and joint torques of n instants, as ``distribute`` returns them.
 
-    ``outcome`` (n,) is one of ``OUTCOMES``. ``force`` (n, L, 3) [N] of the ground on each foot, in the world, zero for
-    a foot in the air; ``torque`` (n, L, 3) [N m] of the joints; ``cost`` (n,), the programme's optimum. All are NaN
-    where the outcome is not "balanced". ``torque_needed`` (n,) [N m] is the smallest limit with which the
-    instant could be held where the outcome is "torque", else NaN. ``center_of_mass`` (n, 3) [m] in the world.
+    Where the outcome is not "balanced", ``force``, ``torque`` and ``cost`` are NaN.
+
+    Parameters
+    ----------
+    outcome
+        One of ``OUTCOMES`` for each instant, a unit-free text (n,).
+    force
+        Forces (n, L, 3) [N] of the ground on the feet, in the world; zero for a foot in the air.
+    torque
+        Torques (n, L, 3) [N m] of the joints.
+    cost
+        Optima (n,) of the quadratic programs, numbers without a unit.
+    torque_needed
+        Smallest torque limit (n,) [N m] that would hold the robot where the outcome is "torque", else NaN.
+    center_of_mass
+        Centres of mass (n, 3) [m] in the world.
     """
 
     outcome: NDArray[np.str_]
@@ -64,23 +79,23 @@ def distribute(
     facets: int = 16,
     max_torque: float | None = None,
 ) -> ForceDistribution:
-    """Forces that hold the robot at rest at every instant with the least joint torque.
+    """Contact forces that hold the robot at rest at n instants with the least joint torque.
 
-    Raises InvalidInputError for shapes or values that cannot be used, and SolverError if a problem was neither solved
-    nor shown to have no solution.
+    Returns a ``ForceDistribution``. Raises InvalidInputError for a wrong shape or value, and SolverError if a problem
+    was neither solved nor shown to have no solution.
 
     Parameters
     ----------
     T_world_body, q
-        Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
+        Poses (n, 4, 4) of the body in the world, whose z axis points up, and joint angles (n, L, 3) [rad].
     carrying
-        Which feet the ground carries, (n, L).
+        Which feet carry load, (n, L) bool.
     normals
-        Unit normals of the ground under the feet, out of it, (n, L, 3) or one for all.
+        Unit vectors normal to the ground under the feet, pointing out of it: (n, L, 3), or (3,) for all feet.
     friction, facets
-        Coefficient of friction, and how many sides the pyramids have that stand for the cones.
+        Coefficient of friction, and number of sides of the pyramids that replace the friction cones.
     max_torque
-        Limit of every joint [N m]; None is that of the robot's servo, ``inf`` is none.
+        Torque limit [N m] of every joint. None is the limit of the robot's servo; ``inf`` means no limit.
     """
     check_robot(robot)
     check_number("friction", friction, at_least=0.0)
@@ -136,9 +151,9 @@ def distribute(
 
 
 def friction_needed(problem: StaticProblem, *, most: float = MOST_FRICTION, tolerance: float = 1e-4) -> Array:
-    """Smallest coefficient of friction with which each instant can be held without limits of torque, (n,).
+    """Smallest coefficient of friction (n,) that holds the robot at each instant, without torque limits.
 
-    Found by bisection to ``tolerance``; inf where even ``most`` is not enough.
+    It is found by bisection with the given ``tolerance``, and is inf where a coefficient of ``most`` is not enough.
     """
     n, facets = problem.cone.shape[:2]
 
@@ -156,5 +171,5 @@ def friction_needed(problem: StaticProblem, *, most: float = MOST_FRICTION, tole
 
 
 def _unit(robot: Robot, limit: float) -> float:
-    """Torque [N m] in which torques are counted: the limit, or the servo's where there is none."""
+    """Unit of torque [N m] of the problem: the limit, or the servo's limit if there is none."""
     return limit if np.isfinite(limit) else robot.servo.max_torque

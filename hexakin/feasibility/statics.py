@@ -1,4 +1,4 @@
-"""A robot at rest on its feet, as equations: equilibrium, friction pyramids and joint torques by the contact forces."""
+"""Equations of a robot at rest on its feet: equilibrium, friction pyramids, and joint torques due to contact forces."""
 
 from __future__ import annotations
 
@@ -16,19 +16,32 @@ from hexakin.robot.model import GRAVITY, Robot
 from hexakin.stability.friction_pyramid import contact_frames, pyramid_faces
 from hexakin.transforms import cross_matrix
 
-_LENGTH = 0.1  # [m] lever by which moments are scaled to forces
+_LENGTH = 0.1  # [m] lever arm that scales moments to forces
 _PER_INSTANT = ("equilibrium", "cone", "torque_map", "torque_free", "carrying", "frames", "center_of_mass")
 
 
 @dataclass(frozen=True, eq=False)
 class StaticProblem:
-    """The data of n force problems, forces in units of m g and moments in m g times 0.1 m.
+    """Data of n force problems, with forces in units of m g and moments in units of m g times 0.1 m.
 
-    The variables are the forces' components in the contact frames (uphill, across, normal), 3 for each leg.
-    ``equilibrium`` (n, 6, 3 L) and its right side ``weight`` (6,); ``cone`` (n, facets, 3): cone @ f <= 0;
-    ``torque_map`` (n, L, 3, 3) and ``torque_free`` (n, L, 3): torque / max_torque = torque_free + torque_map @ f;
-    ``carrying`` (n, L); ``frames`` (n, L, 3, 3) the contact frames' axes in the world, as columns; ``center_of_mass``
-    (n, 3) [m] in the world; ``unit`` [N], the weight m g.
+    The variables f are the components of the forces in the contact frames (uphill, across, normal), 3 for each leg.
+
+    Parameters
+    ----------
+    equilibrium, weight
+        Matrices (n, 6, 3 L) and right side (6,) of the equilibrium: equilibrium @ f = weight.
+    cone
+        Faces (n, facets, 3) of the friction pyramids: cone @ f <= 0 for every foot.
+    torque_map, torque_free
+        Joint torques (n, L, 3) by the forces: torque / torque_unit = torque_free + torque_map @ f.
+    carrying
+        Which feet carry load, (n, L) bool.
+    frames
+        Axes (n, L, 3, 3) of the contact frames in the world, as columns.
+    center_of_mass
+        Centres of mass (n, 3) [m] in the world.
+    unit
+        Unit of force [N]: the weight m g.
     """
 
     equilibrium: Array
@@ -42,7 +55,7 @@ class StaticProblem:
     unit: float
 
     def at(self, instants: NDArray[np.int_]) -> StaticProblem:
-        """Problems of some instants."""
+        """Return the problems of the given ``instants`` (k,)."""
         return dataclasses.replace(self, **{name: getattr(self, name)[instants] for name in _PER_INSTANT})
 
 
@@ -57,7 +70,11 @@ def static_problem(
     facets: int,
     torque_unit: float,
 ) -> StaticProblem:
-    """Set up the force problems of n instants; see ``distribute`` for the arguments."""
+    """Set up the force problems of n instants.
+
+    ``states`` are the legs' states at these instants, and ``torque_unit`` [N m] is the unit of the torques. The other
+    arguments are those of ``distribute``. Raises InvalidInputError for wrong ``normals`` or ``facets``.
+    """
     check_whole("facets", facets, at_least=3)
     n, num_legs = carrying.shape
     normal = check_array("normals", normals, (3,), ("coordinate",))
@@ -67,11 +84,11 @@ def static_problem(
     R = T_world_body[:, :3, :3]
     frames = contact_frames(normal)
     turn = np.einsum("nji,nljk->nlik", R, frames)  # contact frame in the body frame
-    # The contact lies on the foot's sphere: its lever about the foot's centre turns friction into a moment.
+    # The contact lies on the foot's sphere. Its lever arm about the foot's centre turns friction into a moment.
     lever = -robot.foot_radius * turn[..., 2]
     point = states.foot + lever
     slide = contact_jacobian(states.jacobian, states.axes, cross_matrix(lever))
-    gravity = -GRAVITY * R[:, 2]  # acceleration of gravity in the body frame: rows of R are the world's axes
+    gravity = -GRAVITY * R[:, 2]  # acceleration of gravity in the body frame; the rows of R are the world's axes
     center = (robot.torso.mass * robot.torso.center_of_mass + states.moment.sum(axis=1)) / robot.mass
     unit = robot.weight
 
@@ -79,7 +96,7 @@ def static_problem(
     equilibrium[:, :3] = np.moveaxis(turn, 1, 2)
     arm = (point - center[:, None]) / _LENGTH
     equilibrium[:, 3:] = np.moveaxis(np.cross(arm[..., None], turn, axisa=-2, axisb=-2, axisc=-2), 1, 2)
-    # Force and moment in the world's axes, in which the weight is the same at every instant.
+    # Force and moment in the world frame, in which the weight is the same at every instant.
     equilibrium[:, :3] = np.einsum("nij,njlk->nilk", R, equilibrium[:, :3])
     equilibrium[:, 3:] = np.einsum("nij,njlk->nilk", R, equilibrium[:, 3:])
     torque_free = -np.einsum("nlij,ni->nlj", states.moment_slope, gravity) / torque_unit

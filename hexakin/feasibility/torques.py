@@ -1,4 +1,9 @@
-"""Contact forces that joint torques tell of, and the part of them with which the feet press against each other."""
+"""Contact forces from joint torques and torques from forces, and the internal part of the contact forces.
+
+Forces and torques of a leg at rest are related by the transpose of the Jacobian (J. J. Craig, "Introduction to
+robotics", 1986). Internal forces are those of V. Kumar and K. J. Waldron, "Force distribution in closed kinematic
+chains", IEEE J. Robotics and Automation 4(6), 1988.
+"""
 
 from __future__ import annotations
 
@@ -11,33 +16,35 @@ from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.statics import StaticProblem, static_problem
 from hexakin.robot.model import Robot, check_robot
 
-_SINGULAR = 1e8  # condition of a leg's Jacobian beyond which torques say nothing of the force along the leg
+_SINGULAR = 1e8  # condition number of a leg's Jacobian above which torques do not determine the force along the leg
 
 
 def forces_from_torques(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, torque: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Array:
-    """Forces (n, L, 3) [N] of the ground on the feet, in the world, that leave legs with these torques at rest.
+    """Forces (n, L, 3) [N] of the ground on the feet, in the world, that hold legs at rest under given joint torques.
 
-    f = J^-T (g - tau), with the Jacobian J of the contact point and the leg's own weight g: the opposite question to
-    ``distribute``'s. For the foot of a leg in the air it says what the leg's acceleration takes, zero at rest.
+    f = J^-T (g - tau), with the Jacobian J of the contact point and the torques g of the leg's own weight. This is the
+    inverse of ``torques_from_forces``. For a leg in the air at rest the force is zero; if the leg accelerates, it is
+    the force that the acceleration would need.
 
-    Raises InvalidInputError for shapes that do not fit and for a leg that is stretched straight.
+    Raises InvalidInputError for shapes that do not fit together and for a leg that is stretched straight.
 
     Parameters
     ----------
     T_world_body, q
-        Poses (n, 4, 4) of the body in the world, whose z is up, and angles (n, L, 3) [rad].
+        Poses (n, 4, 4) of the body in the world, whose z axis points up, and joint angles (n, L, 3) [rad].
     torque
-        Of the joints, (n, L, 3) [N m], positive along the angles.
+        Torques (n, L, 3) [N m] of the joints, positive in the direction of the angles.
     normals
-        Unit normals of the ground under the feet, (n, L, 3) or one for all.
+        Unit vectors normal to the ground under the feet, pointing out of it: (n, L, 3), or (3,) for all feet.
     """
     problem, tau = _problem(robot, T_world_body, q, torque, normals, "torque")
     condition = np.linalg.cond(problem.torque_map)
     if (condition > _SINGULAR).any():
         instant, leg = np.argwhere(condition > _SINGULAR)[0]
-        raise InvalidInputError(f"q: leg {leg + 1} is stretched straight at instant {instant}; torques give no force")
+        said = f"leg {leg + 1} is stretched straight at instant {instant}"
+        raise InvalidInputError(f"q: {said}; torques do not determine its force")
     local = np.linalg.solve(problem.torque_map, (tau - problem.torque_free)[..., None])
     return problem.unit * (problem.frames @ local)[..., 0]
 
@@ -45,9 +52,18 @@ def forces_from_torques(
 def torques_from_forces(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, force: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Array:
-    """Torques (n, L, 3) [N m] of the joints that hold legs at rest under forces (n, L, 3) [N] of the ground.
+    """Joint torques (n, L, 3) [N m] that hold legs at rest under given forces of the ground.
 
-    The way back from ``forces_from_torques``, whose arguments and errors it has; a foot in the air has the force 0.
+    This is the inverse of ``forces_from_torques``. Raises InvalidInputError for shapes that do not fit together.
+
+    Parameters
+    ----------
+    T_world_body, q
+        Poses (n, 4, 4) of the body in the world, whose z axis points up, and joint angles (n, L, 3) [rad].
+    force
+        Forces (n, L, 3) [N] of the ground on the feet, in the world; zero for a foot in the air.
+    normals
+        Unit vectors normal to the ground under the feet, pointing out of it: (n, L, 3), or (3,) for all feet.
     """
     problem, f = _problem(robot, T_world_body, q, force, normals, "force")
     local = problem.frames.swapaxes(-1, -2) @ f[..., None] / problem.unit
@@ -57,7 +73,7 @@ def torques_from_forces(
 def _problem(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, given: ArrayLike, normals: ArrayLike, name: str
 ) -> tuple[StaticProblem, Array]:
-    """Statics with all feet on the ground and torques in N m, and the checked values that are given for each leg."""
+    """Statics with all feet on the ground and torques in N m, and the ``given`` values (n, L, 3) after a check."""
     check_robot(robot)
     T = check_array("T_world_body", T_world_body, (4, 4))
     shape = (robot.num_legs, 3)
@@ -72,13 +88,20 @@ def _problem(
 
 
 def internal_forces(points: ArrayLike, force: ArrayLike, carrying: ArrayLike) -> Array:
-    """The part (n, L, 3) [N] of forces with which the feet press against each other: no resultant and no moment.
+    """Internal part (n, L, 3) [N] of contact forces: it has no resultant force and no resultant moment.
 
-    The rest, ``force`` less this part, is the smallest set of forces with the same resultant and moment, moments
-    counted in the feet's mean distance from their middle.
+    The rest, ``force`` (n, L, 3) [N] minus this part, is the smallest set of forces with the same resultant force and
+    moment. For this comparison, moments are divided by the mean distance of the feet from their mean position. Raises
+    InvalidInputError for shapes that do not fit together.
 
-    ``points`` (n, L, 3) [m] at which they act, ``force`` (n, L, 3) [N], ``carrying`` (n, L): those of feet that do not
-    carry are left out and zero in the result. Raises InvalidInputError for shapes that do not fit.
+    Parameters
+    ----------
+    points
+        Points (n, L, 3) [m] at which the forces act.
+    force
+        Forces (n, L, 3) [N] of the ground on the feet.
+    carrying
+        Which feet carry load, (n, L) bool. The forces of the other feet are left out, and zero in the result.
     """
     where, f = (check_array(name, v, (3,), ("coordinate",)) for name, v in (("points", points), ("force", force)))
     carry = np.asarray(carrying, dtype=bool)

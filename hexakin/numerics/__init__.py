@@ -1,1 +1,1 @@
-"""Trigonometry of arrays, and numba with a cache that is checked."""
+"""Fast trigonometry for arrays, and numba with a checked cache on disk."""

@@ -1,7 +1,7 @@
-"""The formulas of ``trigonometry`` for one number each, for compiled loops that become vector instructions.
+"""The formulas of ``trigonometry`` for single numbers, for compiled loops that become vector instructions.
 
-For LLVM to vectorise it a loop must have no branch, call or exception: hence rounding by an addition, and a largest of
-two as a choice. Products and sums may be fused, so that the last bits differ from NumPy's.
+LLVM vectorises a loop only if it has no branch, call or exception. Rounding is therefore done by an addition, and
+``maximum`` by a conditional expression. Products and sums may be fused, so that the last bits differ from NumPy's.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hexakin.numerics.trigonometry import (
 
 __all__ = ["angle", "contracted", "kernel", "maximum", "rounded", "sincos"]
 
-# Of the angle itself instead of its half.
+# Coefficients for the angle instead of the half angle.
 _N0, _N1, _N2, _N3, _N4 = (0.5 * value / 4.0**k for k, value in enumerate(TAN_NUMERATOR))
 _D1, _D2, _D3, _D4 = (value / 4.0**k for k, value in enumerate(TAN_DENOMINATOR) if k)
 _P0, _P1, _P2, _ = ATAN_NUMERATOR
@@ -37,7 +37,7 @@ _Q0, _Q1, _Q2, _Q3, _ = ATAN_DENOMINATOR
 @contracted
 def _sincos(x: float) -> tuple[float, float]:
     z = x * x
-    # Short chains of operations, many at once (Estrin's scheme).
+    # Estrin's scheme: short chains of operations, so that many run at the same time.
     zz = z * z
     n = (((_N4 * zz + (_N3 * z + _N2)) * zz) + (_N1 * z + _N0)) * x
     d = ((_D4 * zz + (_D3 * z + _D2)) * zz) + (_D1 * z + 1.0)
@@ -47,9 +47,10 @@ def _sincos(x: float) -> tuple[float, float]:
 
 @contracted
 def sincos(angles: Array, sines: Array, cosines: Array) -> int:
-    """Write sines and cosines of ``angles`` [rad]; return 1 if one is beyond ``LARGEST`` or not a number, else 0.
+    """Write the sines and cosines of ``angles`` (n,) [rad] to ``sines`` and ``cosines`` (n,).
 
-    A loop of its own: its short body keeps more angles at work at once than the one that uses them would.
+    Return 1 if an angle is beyond ``LARGEST`` or not a number, otherwise 0. This is a separate loop because a short
+    loop body lets the processor work on more angles at the same time.
     """
     far, lost = 0, 0
     for k in range(angles.shape[0]):
@@ -65,19 +66,19 @@ def sincos(angles: Array, sines: Array, cosines: Array) -> int:
 
 @contracted
 def rounded(x: float) -> float:
-    """The nearest whole number."""
+    """Return the whole number nearest to ``x``."""
     return (x + ROUNDING) - ROUNDING
 
 
 @contracted
 def maximum(a: float, b: float) -> float:
-    """The larger of two numbers."""
+    """Return the larger of ``a`` and ``b``."""
     return a if a > b else b
 
 
 @contracted
 def angle(y: float, x: float, length: float) -> float:
-    """Angle [rad] of the vector (``x``, ``y``) of known ``length``; 0 of the zero vector."""
+    """Return the angle [rad] of the vector (``x``, ``y``) of known ``length``; 0 for the zero vector."""
     a, b = abs(x), abs(y)
     larger, smaller = (a, b) if a > b else (b, a)
     t = smaller / maximum(larger + length, TINY)

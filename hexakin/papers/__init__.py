@@ -1,1 +1,1 @@
-"""What the notebooks of the two papers need: scenarios, studies, statements, verdicts. Nothing else imports it."""
+"""Experiments of the two papers for the notebooks: scenarios, studies, statements and verdicts."""

@@ -1,7 +1,7 @@
-"""Walks near their limits: what is predicted of a walk up a ramp before it starts, and what then happens.
+"""Walks up ramps near the limits of the robot: predictions before the walk, and the outcome of the simulation.
 
-The trial ``near_limit`` checks a commanded walk and simulates it; ``foresight`` says of each predicted margin (of
-``hexakin.feasibility``, ``hexakin.stance`` and ``hexakin.support_region``) how often it was right.
+The trial ``near_limit`` checks a commanded walk and simulates it. ``foresight`` reports how often each predicted margin
+(of ``hexakin.feasibility``, ``hexakin.stance`` and ``hexakin.support_region``) was right.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hexakin.motion.measures import slips
 from hexakin.robot.file import load_robot
 from hexakin.robot.model import Robot
 from hexakin.simulation.closed_loop import simulate
-from hexakin.stability.stance import energy_margin, longitudinal_margin, polygon_margin, stance_of
+from hexakin.stability.stance import contacts_of, energy_margin, longitudinal_margin, polygon_margin
 from hexakin.stability.support_region import region_margin
 from hexakin.study.runner import Study
 from hexakin.study.tables import Scalar
@@ -34,7 +34,7 @@ from hexakin.terrain.planes import Ramp
 from hexakin.transforms import transform_points
 
 RANGES = {"slope": (0.17, 0.79), "friction": (0.3, 1.2), "max_torque": (0.25, 1.89), "stride": (0.03, 0.065)}
-"""Ranges of the walks' slope [rad], friction, torque limit [N m] and stride [m]; the torque's logarithm is uniform."""
+"""Ranges of slope [rad], friction, torque limit [N m] and stride [m]; the logarithm of the torque limit is uniform."""
 
 MARGINS = {
     "margin_polygon": "support polygon [m]",
@@ -45,17 +45,18 @@ MARGINS = {
     "margin_region": "support region [m]",
     "margin_region_torque": "support region with torque [m]",
 }
-"""Columns of predicted margins, each the smallest over the commanded walk, and what they are called.
+"""Columns of predicted margins, each the smallest over the commanded walk, and their names.
 
-That of friction is what the ground has above the least coefficient that would do."""
+The friction margin is the coefficient of friction minus the smallest coefficient that holds the robot."""
 
-_EMPTY = -1.0  # [m] stands for the margin of an empty region
+_EMPTY = -1.0  # [m] replaces the margin of an empty region
 
 
 def study(*, runs: int = 200, on_pybullet: int = 60, seed: int = 0) -> Study:
-    """Latin hypercube of walks over ``RANGES`` on the rigid engine, each from a start of its own; some on PyBullet too.
+    """Latin hypercube of ``runs`` walks over ``RANGES`` on the rigid engine, each from its own start.
 
-    The first ``on_pybullet`` of them are; a hypercube's rows are in random order.
+    The first ``on_pybullet`` walks are made on PyBullet too; the rows of a hypercube are in random order. ``seed``
+    draws the hypercube.
     """
     shares = qmc.LatinHypercube(len(RANGES), rng=seed).random(runs)
     points = []
@@ -76,10 +77,15 @@ def near_limit(
 ) -> dict[str, float]:  # fmt: skip
     """Predict and then simulate ATHENA's walk up a ramp; a trial of ``hexakin.study``.
 
-    Columns: the margins of ``MARGINS``, each the smallest over the commanded walk, and ``feasible`` (0 or 1) of
-    ``feasibility.check``; ``torso_contact``, the share of ticks in which the torso touched the ground (1 if the robot
-    turned over or left the scene); ``slip`` [m], the median over phases of how far the most slipping foot of those in
-    stance slid; ``advance``, the distance uphill as a share of the commanded one.
+    ``slope`` [rad], ``friction``, ``max_torque`` [N m] and ``stride`` [m] are those of ``RANGES``, and ``seed`` draws
+    the start. The columns of the result are:
+
+    - the margins of ``MARGINS``, each the smallest over the commanded walk, and ``feasible`` (0 or 1) of
+      ``feasibility.check``;
+    - ``torso_contact``, the share of ticks in which the torso touched the ground (1 if the robot turned over or left
+      the scene);
+    - ``slip`` [m], the largest sliding distance among the feet in stance, as the median over the phases;
+    - ``advance``, the distance uphill as a share of the commanded distance.
     """
     athena = load_robot("athena")
     robot = replace(athena, servo=replace(athena.servo, max_torque=max_torque))
@@ -104,7 +110,7 @@ def near_limit(
 
 
 def predict(robot: Robot, motion: Motion, terrain: Terrain, friction: float) -> dict[str, float]:
-    """Smallest margins over a motion (columns of ``MARGINS``) and ``feasible``."""
+    """Smallest margins over a motion, by the columns of ``MARGINS``, and ``feasible`` (0 or 1)."""
     report = check(robot, motion, terrain, friction=friction)
     least = {name: np.inf for name in MARGINS}
     least["margin_torque"] = float(np.nan_to_num(report.constraints["torque"].worst, nan=-robot.servo.max_torque))
@@ -120,12 +126,16 @@ def predict(robot: Robot, motion: Motion, terrain: Terrain, friction: float) -> 
     ends = {0, *changes.tolist(), *(changes + 1).tolist(), len(motion.time) - 1}
     for k in range(len(motion.time)):
         place = (robot, motion.T_world_body[k], motion.q[k], motion.carrying[k], terrain)
-        stance = stance_of(*place, friction=friction)
-        found = {"margin_polygon": polygon_margin(stance), "margin_longitudinal": longitudinal_margin(stance, heading)}
-        found["margin_energy"] = energy_margin(stance).margin
-        if k in ends:  # of the phases, where all margins of a stroke are smallest; a region takes a while
-            found["margin_region"] = region_margin(stance, tolerance=1e-4)
-            with_torque = stance_of(*place, friction=friction, torque_limits=True)
+        contacts = contacts_of(*place, friction=friction)
+        found = {
+            "margin_polygon": polygon_margin(contacts),
+            "margin_longitudinal": longitudinal_margin(contacts, heading),
+            "margin_energy": energy_margin(contacts).margin,
+        }
+        # Regions are slow to compute. The ends of the phases are enough: there the margins of a stroke are smallest.
+        if k in ends:
+            found["margin_region"] = region_margin(contacts, tolerance=1e-4)
+            with_torque = contacts_of(*place, friction=friction, torque_limits=True)
             found["margin_region_torque"] = region_margin(with_torque, torque_limits=True, tolerance=1e-4)
         for name, value in found.items():
             least[name] = min(least[name], max(float(np.nan_to_num(value, nan=_EMPTY)), _EMPTY))
@@ -133,22 +143,32 @@ def predict(robot: Robot, motion: Motion, terrain: Terrain, friction: float) -> 
 
 
 def failures(table: pd.DataFrame, *, slip: float = 0.02, advance: float = 0.5) -> NDArray[np.bool_]:
-    """Which walks failed: the torso touched, feet slid more than ``slip`` [m], or less than ``advance`` was made."""
+    """Which walks failed, (n,) bool: the torso touched the ground, feet slid too far, or the advance was too small.
+
+    ``table`` has one row per walk, with the columns of ``near_limit``. ``slip`` [m] is the largest allowed sliding
+    distance, and ``advance`` the smallest allowed share of the commanded distance.
+    """
     slid = ~(table["slip"] <= slip)
     return np.asarray((table["torso_contact"] > 0.0) | slid | (table["advance"] < advance))
 
 
 def foresight(table: pd.DataFrame, failed: ArrayLike) -> pd.DataFrame:
-    """Say how often each predicted margin was right: one row per margin, and one for ``feasible``.
+    """How often each predicted margin was right: one row per margin, and one for ``feasible``.
 
-    Columns: ``right``, the share of walks in which a margin of at least zero went with success and a smaller one with
-    failure; ``missed``, the share of failures with a margin of at least zero; ``false_alarms``, the share of successes
-    with a smaller one; ``ranked``, the probability that a failed walk had the smaller margin of a failed and a
-    successful one (0.5 is chance). Raises InvalidInputError if no walk failed or none succeeded.
+    ``table`` has one row per walk, with the columns of ``near_limit``; ``failed`` (n,) bool marks the failed walks. A
+    margin predicts success if it is at least zero, and failure otherwise. The columns of the result are:
+
+    - ``right``, the share of walks with a right prediction;
+    - ``missed``, the share of failed walks for which success was predicted;
+    - ``false_alarms``, the share of successful walks for which failure was predicted;
+    - ``ranked``, the probability that of a failed and a successful walk the failed one had the smaller margin (0.5 is
+      chance).
+
+    Raises InvalidInputError if no walk failed or none succeeded.
     """
     lost = np.asarray(failed, dtype=bool)
     if lost.all() or not lost.any():
-        raise InvalidInputError(f"table: {lost.sum()} of {len(lost)} walks failed; foresight needs both kinds")
+        raise InvalidInputError(f"table: {lost.sum()} of {len(lost)} walks failed, expected some of each kind")
     rows: dict[str, Mapping[str, Any]] = {}
     for name in (*MARGINS, "feasible"):
         margin = table[name].to_numpy(dtype=float) - (0.5 if name == "feasible" else 0.0)

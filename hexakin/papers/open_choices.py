@@ -1,8 +1,8 @@
-"""What the choices that paper A leaves open do to its results: Morris' elementary effects (SALib).
+"""Effects of the choices that paper A leaves open on its results: Morris' elementary effects (SALib).
 
-Each choice has a range of plausible values. Morris (1991) walks through the box of all ranges along trajectories that
-change one choice at a time; mean and spread of the changes it causes say how much it matters and whether it
-interacts with others.
+Each choice has a range of plausible values. The method of Morris (1991) uses trajectories through the box of all ranges
+that change one choice at a time. The mean of the changes that a choice causes shows how much the choice matters, and
+their spread whether it interacts with others.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ try:
 except ImportError as error:
     raise MissingPackageError("SALib", "a sensitivity study", 'pip install "hexakin[notebooks]"') from error
 
-GRID_LEVELS = 4  # Morris' grid: a choice takes 0, 1/3, 2/3 or 1 of its range
+GRID_LEVELS = 4  # Morris' grid: a choice is at 0, 1/3, 2/3 or 1 of its range
 
 
 def _between(low: float, high: float) -> Callable[[float], float]:
@@ -38,7 +38,7 @@ def _either(first: Scalar, second: Scalar) -> Callable[[float], Scalar]:
 
 
 CHOICES: dict[str, Callable[[float], Scalar]] = {
-    "stride": _between(0.030, 0.060),  # [m]; the corner legs reach about 65 mm
+    "stride": _between(0.030, 0.060),  # [m]; the corner legs reach strides of about 65 mm
     "apex": _between(0.020, 0.050),  # [m]
     "servo_rate": _between(10.0, 40.0),  # [1/s]: a lag of two ticks to half a tick
     "start_from": _either("actual", "command"),
@@ -50,20 +50,26 @@ CHOICES: dict[str, Callable[[float], Scalar]] = {
     "friction": _between(0.5, 1.1),
     "time_step": lambda share: (0.0005, 0.001, 0.002, 0.0025)[round(3 * share)],  # [s]
 }
-"""Choices and what a share in [0, 1] of each one's range stands for."""
+"""Function of each choice that returns its value for a share in [0, 1] of its range."""
 
 _PROBLEM = {"num_vars": len(CHOICES), "names": list(CHOICES), "bounds": [[0.0, 1.0]] * len(CHOICES)}
 
 
 def points(trajectories: int, seed: int = 0) -> Array:
-    """Morris' sample (trajectories * (choices + 1), choices) of shares in [0, 1], optimised for spread by SALib."""
+    """Sample of Morris' method, spread out by SALib: (trajectories * (choices + 1), choices) shares in [0, 1].
+
+    ``trajectories`` is their number, and ``seed`` draws them.
+    """
     return np.asarray(
         sample.sample(_PROBLEM, 10 * trajectories, num_levels=GRID_LEVELS, optimal_trajectories=trajectories, seed=seed)
     )
 
 
 def sensitivity(scenario: str, *, trajectories: int = 10, seed: int = 0) -> Study:
-    """Simple control and the chosen gains at every point of a Morris sample, on the rigid engine, from one start."""
+    """Simple control and the chosen gains at every point of a Morris sample, on the rigid engine, from one start.
+
+    ``scenario`` is ``"ramp"`` or ``"testbed"``; ``trajectories`` and ``seed`` are those of ``points``.
+    """
     runs: list[dict[str, Scalar]] = []
     for shares in points(trajectories, seed):
         choices = {name: at(share) for (name, at), share in zip(CHOICES.items(), shares, strict=True)}
@@ -78,11 +84,13 @@ def elementary_effects(
     table: pd.DataFrame, scenario: str, outcome: Callable[[Mapping[str, Any], Mapping[str, Any]], float],
     *, trajectories: int = 10, seed: int = 0,
 ) -> pd.DataFrame:  # fmt: skip
-    """Morris' measures of an outcome: one row per choice, with ``mu``, ``mu_star``, ``sigma`` and ``mu_star_conf``.
+    """Measures of Morris' method: one row per choice, with ``mu``, ``mu_star``, ``sigma`` and ``mu_star_conf``.
 
-    ``outcome`` gets the rows of simple control and of the chosen gains at one point. ``mu_star`` is the mean size of
-    the change that a choice causes over its range, in the outcome's unit, ``mu_star_conf`` half of its 95 % interval.
-    Runs that failed take their trajectory with them. Raises InvalidInputError if fewer than two are left.
+    ``table`` holds the runs of ``sensitivity`` for a ``scenario``, with the same ``trajectories`` and ``seed``.
+    ``outcome`` is a function of two rows of one point, those of simple control and of the chosen gains. ``mu_star`` is
+    the mean size of the change that a choice causes over its range, in the unit of the outcome; ``mu_star_conf`` is
+    half of its 95 % interval. A trajectory with a failed run is left out. Raises InvalidInputError if fewer than two
+    trajectories are left.
     """
     shares = points(trajectories, seed)
     simple, chosen = (_rows(table, gains, shares) for gains in compared(scenario))
@@ -92,7 +100,7 @@ def elementary_effects(
             values[k] = outcome(ends[0], ends[1])
     whole = np.isfinite(values.reshape(trajectories, -1)).all(axis=1)
     if whole.sum() < 2:
-        raise InvalidInputError(f"table: {whole.sum()} whole trajectories, expected at least 2")
+        raise InvalidInputError(f"table: {whole.sum()} trajectories without a failed run, expected at least 2")
     used = np.repeat(whole, len(CHOICES) + 1)
     found = analyze.analyze(_PROBLEM, shares[used], values[used], num_levels=GRID_LEVELS, seed=seed)
     columns = {name: np.asarray(found[name]) for name in ("mu", "mu_star", "sigma", "mu_star_conf")}
@@ -102,10 +110,12 @@ def elementary_effects(
 def changes_of_one(
     table: pd.DataFrame, scenario: str, choice: str, measures: Sequence[str], *, trajectories: int = 10, seed: int = 0
 ) -> pd.DataFrame:
-    """Measures of simple control before and after the one step of each trajectory that changes ``choice`` alone.
+    """Measures of simple control at the two ends of the one step of each trajectory that changes ``choice`` alone.
 
-    One row per trajectory, with columns (measure, "low") and (measure, "high") at the lower and the higher share of
-    the choice's range; NaN where a run failed. Raises UnknownNameError for a choice that is not varied.
+    ``table``, ``scenario``, ``trajectories`` and ``seed`` are those of ``elementary_effects``; ``measures`` are names
+    of columns. The result has one row per trajectory, with the columns (measure, "low") and (measure, "high") at the
+    lower and the higher share of the choice's range. NaN where a run failed. Raises UnknownNameError for a choice that
+    is not varied.
     """
     if choice not in CHOICES:
         raise UnknownNameError("choice", choice, list(CHOICES))

@@ -1,4 +1,4 @@
-"""Paper A's experiment: a walk on the ramp or the testbed, and what is measured of it (A section 5)."""
+"""Paper A's experiments: walks on the ramp or the testbed, and their measures (A section 5)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hexakin.checks import Array
 from hexakin.control.ground_plane import slope_angles
 from hexakin.control.posture import PostureController
-from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError, renamed
 from hexakin.kinematics.forward import standing_height
 from hexakin.motion.measures import per_cycle
 from hexakin.motion.recording import Recording
@@ -23,29 +23,33 @@ from hexakin.stability.time_series import series
 from hexakin.terrain import Blocks, Ramp, Terrain
 
 NUM_CYCLES = 24
-"""Gait cycles of a run: with t_g = 1 s they give simple control the paper's median height."""
+"""Gait cycles of a walk. With t_g = 1 s, this number gives the paper's median height under simple control."""
 
-DIGITS = 6  # significant ones that a table keeps
+DIGITS = 6  # significant digits of the numbers in a table
 
-_SUMMARY = {"min": 0, "lower": 25, "median": 50, "upper": 75, "max": 100}
+_PERCENTILES = {"min": 0, "lower": 25, "median": 50, "upper": 75, "max": 100}
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Where ATHENA walks: the terrain of each layout, whether there are several, and the apex of a swing [m]."""
+    """Where ATHENA walks, and how high it lifts its feet.
+
+    ``terrain`` is a function that returns the terrain of a layout (a whole number). ``has_layouts`` is True if there is
+    more than one layout. ``apex`` [m] is the height of a swing.
+    """
 
     terrain: Callable[[int], Terrain]
     has_layouts: bool
     apex: float
 
 
-# As far as 24 cycles of 50 mm strokes lead, and room to drift.
+# [m] Large enough for 24 cycles of 50 mm strokes and for drift.
 _EXTENT = (-0.7, 0.7, -0.5, 3.1)
 
 SCENARIOS: dict[str, Scenario] = {
     # The apex h/4 of A(20)-(21) with h = 120 mm, assumed.
     "ramp": Scenario(lambda layout: Ramp(), has_layouts=False, apex=0.03),
-    # The apex clears the step to the block across a corner, two steps of 30 mm; assumed.
+    # The apex clears the step to the diagonally opposite block, up to twice 30 mm; assumed.
     "testbed": Scenario(
         lambda layout: Blocks(size=0.2, max_step=0.03, extent=_EXTENT, seed=layout),
         has_layouts=True,
@@ -65,9 +69,12 @@ def walk(
     layout: int,
     **unsaid: Any,
 ) -> dict[str, float]:
-    """Walk once and measure: the trial of paper A's studies. Arguments and result are columns of their tables.
+    """Simulate one walk and measure it: the trial of paper A's studies.
 
-    ``unsaid`` are arguments of ``simulate_walk`` that the paper leaves open.
+    ``scenario`` is ``"ramp"`` or ``"testbed"``, ``k_z``, ``k_alpha`` and ``k_beta`` are the gains, ``engine`` is the
+    name of the engine and ``time_step`` [s] its step. ``seed``, ``layout`` and ``unsaid``, the choices that the paper
+    leaves open, are arguments of ``simulate_walk``. The arguments and the result (see ``measure``) are columns of the
+    tables of the studies. Raises the errors of ``simulate_walk`` and ``measure``.
     """
     num_cycles = unsaid.get("num_cycles", NUM_CYCLES)
     gains = {"k_z": k_z, "k_alpha": k_alpha, "k_beta": k_beta}
@@ -100,13 +107,36 @@ def simulate_walk(
     max_step: float | None = None,
     block_size: float | None = None,
 ) -> tuple[Recording, Terrain]:
-    """Walk ATHENA over a scenario; returns the recording and the ground.
+    """Simulate a walk of ATHENA in a scenario of paper A; returns the recording and the terrain.
 
-    ``seed`` draws the start and the controller's triples of feet, ``layout`` the testbed's blocks. What the paper
-    leaves open: ``stride``, ``apex`` (None is the scenario's), ``foot_radius`` and ``reference_offset`` [m], which is
-    added to the standing height that k_z pulls to; ``servo_rate`` [1/s]; ``mount_scale``, a factor on l_1, the distance
-    of the legs' mounts from the body's centre; ``max_step`` and ``block_size`` [m] of the testbed, None the scenario's;
-    and the arguments of ``PostureController`` and ``simulate`` of the same names.
+    Raises UnknownNameError for an unknown scenario, InvalidInputError for a layout that the scenario does not have, and
+    the errors of ``PostureController`` and ``simulate``.
+
+    Parameters
+    ----------
+    scenario
+        ``"ramp"`` or ``"testbed"``.
+    gains
+        The gains by name: ``k_z``, ``k_alpha`` and ``k_beta``.
+    engine, time_step
+        Name of the engine, and its time step [s].
+    seed, layout
+        ``seed`` draws the start and the triples of feet of the controller; ``layout`` draws the blocks of the testbed.
+    num_cycles
+        Number of gait cycles.
+    stride, apex
+        Stride [m] and height of a swing [m]; None is the scenario's apex.
+    start_from, reading
+        As in ``PostureController``.
+    reference_offset
+        Added to the standing height [m], which is the reference height of k_z.
+    servo_rate, foot_radius, mount_scale
+        Changes of the robot: rate of the servos [1/s], radius of the feet [m] (None keeps either), and a factor on l_1,
+        the distance of the legs' mounts from the body's centre.
+    friction, control_rate, force_sampling
+        As in ``simulate``; the control rate is in [1/s].
+    max_step, block_size
+        Largest step between blocks and size of the blocks [m] of the testbed; None is the scenario's value.
     """
     if scenario not in SCENARIOS:
         raise UnknownNameError("scenario", scenario, list(SCENARIOS))
@@ -136,7 +166,7 @@ def simulate_walk(
         controller,
         engine=engine,
         max_cycles=num_cycles,
-        # Feet that reach for lost ground make a cycle longer.
+        # A cycle takes longer when feet search for the ground.
         duration=2.0 * num_cycles * controller.phases_per_cycle * controller.phase_duration,
         time_step=time_step,
         control_rate=control_rate,
@@ -150,21 +180,30 @@ def simulate_walk(
 def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES) -> dict[str, float]:
     """Measures of a walk over its first ``num_cycles`` gait cycles, by column name.
 
-    A ``quantity`` of which there are many values has five columns, ``quantity_min``, ``_lower`` (quartile),
-    ``_median``, ``_upper`` and ``_max``. Per gait cycle: ``height`` [m], ``pitch_rate`` and ``roll_rate`` [rad/s], root
-    mean squares over every physics step (``..._tick`` over control ticks alone). Per control tick: ``pitch_angle``
-    and ``roll_angle`` [rad] of the torso against the ground's mean plane (A Fig. 8); ``zmp_distance`` from the ZMP to
-    the centroid of the loaded feet's polygon and ``stability_margin`` [m], without ticks in which the torso or a limb
-    touches the ground; with ``_all``, over all ticks; with ``_stance``, for the polygon of the commanded stance feet;
-    and with ``_stance_all``.
+    ``recording`` is the walk and ``ground`` its terrain. Raises SimulationError if the recording contains fewer whole
+    cycles.
 
-    Single columns: ``cycles`` measured; ``torso_contact`` and ``limb_contact``, shares of ticks; ``distance`` [m]
-    forward along the ground and ``drift`` [m] to the right; ``zmp_used``, the share of ticks behind ``zmp_distance``;
-    ``zmp_outside_loaded`` and ``zmp_outside_stance`` (with ``_all`` likewise), shares of ticks in which the ZMP leaves
-    the polygon; ``extending`` and ``limited``, shares of ticks in which feet reach for lost ground or are clipped at a
-    limit; ``penetration`` [m], the deepest; ``solver_residual``, the largest.
+    A quantity with many values has five columns: ``<quantity>_min``, ``_lower`` (quartile), ``_median``, ``_upper`` and
+    ``_max``. These quantities are:
 
-    Raises SimulationError if the recording holds fewer whole cycles.
+    - per gait cycle: ``height`` [m], and ``pitch_rate`` and ``roll_rate`` [rad/s], which are root mean squares over
+      every physics step (``pitch_rate_tick`` and ``roll_rate_tick``: over control ticks only);
+    - per control tick: ``pitch_angle`` and ``roll_angle`` [rad] of the torso relative to the mean plane of the ground
+      (A Fig. 8);
+    - per control tick without contact of the torso or a limb: ``zmp_distance`` [m], from the ZMP to the centroid of the
+      loaded feet's polygon, and ``stability_margin`` [m]. The ending ``_all`` stands for all ticks, ``_stance`` for the
+      polygon of the feet that are commanded to be in stance, and ``_stance_all`` for both.
+
+    These have one column each:
+
+    - ``cycles``, the number of measured cycles;
+    - ``torso_contact`` and ``limb_contact``, shares of ticks with such a contact;
+    - ``distance`` [m] forward along the ground, and ``drift`` [m] to the right;
+    - ``zmp_used``, the share of ticks that ``zmp_distance`` is computed from;
+    - ``zmp_outside_loaded`` and ``zmp_outside_stance`` (and both with ``_all``), shares of ticks with the ZMP outside
+      the polygon;
+    - ``extending`` and ``limited``, shares of ticks in which feet search for the ground, or are clipped at a limit;
+    - ``penetration`` [m] and ``solver_residual``, the largest values.
     """
     cycles, ticks = per_cycle(recording), per_cycle(recording, rates="ticks")
     if len(cycles.height) < num_cycles:
@@ -173,18 +212,18 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     used = recording.cycle < num_cycles
     values: dict[str, float] = {"cycles": num_cycles}
     for name in ("height", "pitch_rate", "roll_rate"):
-        values |= summary(name, getattr(cycles, name)[first])
+        values |= five_columns(name, getattr(cycles, name)[first])
     for name in ("pitch_rate", "roll_rate"):
-        values |= summary(f"{name}_tick", getattr(ticks, name)[first])
+        values |= five_columns(f"{name}_tick", getattr(ticks, name)[first])
     pitch, roll = _tilt(recording, ground)
-    values |= summary("pitch_angle", pitch[used]) | summary("roll_angle", roll[used])
+    values |= five_columns("pitch_angle", pitch[used]) | five_columns("roll_angle", roll[used])
     loaded, stance = series(recording, "loaded"), series(recording, "stance")
     free = used & ~loaded.body_touches
     for polygon, stability in (("", loaded), ("_stance", stance)):
         for ticks_used, mask in (("", free), ("_all", used)):
             counted = mask & stability.defined
-            values |= summary(f"zmp_distance{polygon}{ticks_used}", stability.centroid_distance[counted])
-            values |= summary(f"stability_margin{polygon}{ticks_used}", stability.margin[counted])
+            values |= five_columns(f"zmp_distance{polygon}{ticks_used}", stability.centroid_distance[counted])
+            values |= five_columns(f"stability_margin{polygon}{ticks_used}", stability.margin[counted])
             outside = np.mean(stability.margin[counted] < -_ROUNDING) if counted.any() else np.nan
             values[f"zmp_outside{polygon or '_loaded'}{ticks_used}"] = float(outside)
     values["zmp_used"] = float(np.mean(loaded.defined[used] & free[used]))
@@ -200,18 +239,21 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     return {name: float(f"{value:.{DIGITS}g}") for name, value in values.items()}
 
 
-_ROUNDING = 1e-9  # [m] A(32) puts the ZMP of two loaded feet onto an edge
+_ROUNDING = 1e-9  # [m] with two loaded feet, the ZMP of A(32) lies exactly on an edge
 
 
-def summary(name: str, values: ArrayLike) -> dict[str, float]:
-    """Smallest, quartiles and largest of a sample as columns ``<name>_min`` ...; NaN of an empty sample."""
+def five_columns(name: str, values: ArrayLike) -> dict[str, float]:
+    """Minimum, quartiles and maximum of a sample as the columns ``<name>_min``, ``_lower``, ``_median``, ...
+
+    ``values`` (n,), in any unit, are the sample. All columns of an empty sample are NaN.
+    """
     sample = np.asarray(values, dtype=float)
-    found = np.percentile(sample, list(_SUMMARY.values())) if sample.size else np.full(len(_SUMMARY), np.nan)
-    return {f"{name}_{statistic}": float(value) for statistic, value in zip(_SUMMARY, found, strict=True)}
+    found = np.percentile(sample, list(_PERCENTILES.values())) if sample.size else np.full(len(_PERCENTILES), np.nan)
+    return {f"{name}_{statistic}": float(value) for statistic, value in zip(_PERCENTILES, found, strict=True)}
 
 
 def _tilt(recording: Recording, ground: Terrain) -> tuple[Array, Array]:
-    """Pitch and roll (n,) [rad] of the mean ground seen from the torso; blocks are level on average."""
+    """Pitch and roll (n,) [rad] of the mean ground plane relative to the torso; blocks are level on average."""
     robot = load_robot("athena")
     normal = ground.normal(0.0, 0.0) @ recording.T_world_body[:, :3, :3]
     pitch, roll = np.array([slope_angles(robot, n) for n in normal]).T
@@ -219,6 +261,7 @@ def _tilt(recording: Recording, ground: Terrain) -> tuple[Array, Array]:
 
 
 def _changed(robot: Robot, servo_rate: float | None, foot_radius: float | None, mount_scale: float) -> Robot:
+    """Return the robot with the changes that ``simulate_walk`` describes."""
     if servo_rate is not None:
         robot = replace(robot, servo=replace(robot.servo, rate=servo_rate))
     if foot_radius is not None:
@@ -229,3 +272,6 @@ def _changed(robot: Robot, servo_rate: float | None, foot_radius: float | None, 
         legs = tuple(Leg(leg.name, {**leg.values, "l_1": mount_scale * leg.values["l_1"]}) for leg in robot.legs)
         robot = replace(robot, legs=legs)
     return robot
+
+
+__getattr__ = renamed(__name__, {"summary": ("five_columns", five_columns)})

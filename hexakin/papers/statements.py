@@ -1,14 +1,15 @@
-"""What paper A reports, statement by statement, and tables of verdicts on it computed from repeated runs.
+"""Statements of paper A, and tables of verdicts on them, computed from repeated runs.
 
-How the paper's words are read:
+The words of the paper are interpreted as follows:
 
-- "Variation", "variance", "oscillation" are the interquartile range. "Stability" without a number is both the median
-  and the interquartile range, as the paper has it for Fig. 10(b), with a statement for each.
+- "Variation", "variance" and "oscillation" mean the interquartile range. "Stability" without a number means both the
+  median and the interquartile range, as in the paper's text on Fig. 10(b); there is one statement for each.
 - "No significant effect", "identical" and "negligible" allow a median to change by 10 % and an interquartile range by
-  50 %: two samples of 24 cycles of one normal distribution differ that much in one case of seven.
-- "Most" and "least" are among all six levels of a gain, simple control included.
-- "The ZMP is within the support polygon" is judged on the polygon of the feet commanded to be in stance: that of the
-  loaded feet the zero-moment point of A(32) cannot leave, so that there the statement is empty (A-E18).
+  50 %. Two samples of 24 cycles from one normal distribution differ by more than that in one case of seven.
+- "Most" and "least" refer to all six levels of a gain, including simple control.
+- "The ZMP is within the support polygon" is judged with the polygon of the feet that are commanded to be in stance. The
+  zero-moment point of A(32) cannot leave the polygon of the loaded feet, so that the statement would always be true
+  there (A-E18).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import Any
 
 import pandas as pd
 
-from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, UnknownNameError, renamed
 from hexakin.installation import DATA
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS
 from hexakin.papers.verdicts import (
@@ -53,7 +54,7 @@ __all__ = [
     "reported",
     "robustness",
     "statements",
-    "summary",
+    "verdict_table",
     "verdicts",
 ]
 
@@ -67,7 +68,7 @@ _WITH_TOLERANCE = ("change_percent", "unchanged", "value")
 def statements(name: str = "athena", path: Path | None = None) -> dict[str, Statement]:
     """Statements of ``data/paper/<name>.csv``, or of the file ``path``, by their id.
 
-    Raises UnknownNameError for a paper that is not there, InvalidInputError naming the line of a bad row.
+    Raises UnknownNameError if there is no such file, and InvalidInputError, with the line, for an invalid row.
     """
     file = path or DATA / "paper" / f"{name}.csv"
     if not file.is_file():
@@ -76,7 +77,10 @@ def statements(name: str = "athena", path: Path | None = None) -> dict[str, Stat
 
 
 def reported(figure: str) -> dict[str, list[tuple[float, float]]]:
-    """Numbers that the paper reads off a figure, such as ``"A 10"``: (gain, value) by measure, in SI units."""
+    """Numbers that paper A reports for a figure, as lists of (gain level, value [SI unit]) by measure.
+
+    ``figure`` is the name of the figure, such as ``"A 10"``.
+    """
     found: dict[str, list[tuple[float, float]]] = {}
     for s in statements().values():
         if s.kind == "value" and s.at and s.figure.rstrip("abc") == figure:
@@ -102,8 +106,8 @@ def _read(file: Path) -> dict[str, Statement]:
 
 
 def _statement(row: dict[str, str]) -> Statement:
-    """One row of the file; raises ValueError for what cannot be judged."""
-    if None in row or None in row.values():  # how the csv module marks a row too long or too short
+    """Statement of one row of the file; raises ValueError if it cannot be judged."""
+    if None in row or None in row.values():  # the csv module marks rows that are too long or too short with None
         raise ValueError(f"expected {len(_FIELDS)} fields")
     at = tuple(float(level) for level in row["at"].split())
     value, tolerance = (float(row[name]) if row[name] else math.nan for name in ("value", "tolerance"))
@@ -132,27 +136,27 @@ def _statement(row: dict[str, str]) -> Statement:
 def verdicts(
     table: pd.DataFrame, statements: Mapping[str, Statement] | Iterable[Statement] | None = None
 ) -> pd.DataFrame:
-    """Judge every statement on every engine and time step of its scenario: one row each.
+    """Judge every statement for every engine and time step of its scenario: one row each.
 
     Parameters
     ----------
     table
         One row per run: the factors ``scenario``, ``k_z``, ``k_alpha``, ``k_beta``, ``engine``, ``time_step`` [s],
-        ``seed``, ``layout``; ``status`` (``"ok"`` or what went wrong); and the measures, as ``<measure>_min``,
+        ``seed``, ``layout``; ``status`` (``"ok"`` or an error message); and the measures, as ``<measure>_min``,
         ``_lower``, ``_median``, ``_upper``, ``_max`` or as one column.
     statements
-        Those to judge; by default all that paper A makes.
+        The statements to judge; by default all statements of paper A.
 
     Returns
     -------
-    A table in the statements' order with the columns ``id``, ``figure``, ``scenario``, ``factor``, ``measure``,
+    A table in the order of the statements, with the columns ``id``, ``figure``, ``scenario``, ``factor``, ``measure``,
     ``statistic``, ``kind``, ``paper`` (the value), ``engine``, ``time_step``, the fields of ``Verdict``, ``wording``
     and ``claim``.
 
     Raises
     ------
     InvalidInputError
-        Names the missing columns, or the first run that is given twice.
+        For missing columns or a run that is given twice; the message names them.
     """
     if statements is None:
         statements = _read(DATA / "paper" / "athena.csv")
@@ -174,11 +178,11 @@ def verdicts(
 
 
 def robustness(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Whether a statement's verdict holds on every engine and at every time step: one row per id.
+    """Whether the verdict on each statement is the same for all engines and time steps: one row per id.
 
-    ``engines`` compares the engines at each time step, ``steps`` the time steps of each engine: ``"agree"``,
-    ``"differ"``, or ``"one"`` where there is nothing to compare. ``verdict`` is the common one of all, else empty.
-    Rows without data do not count.
+    ``verdicts`` is a table of the function ``verdicts``. The column ``engines`` compares the engines at each time step,
+    and ``steps`` the time steps of each engine: ``"agree"``, ``"differ"``, or ``"one"`` if there is nothing to compare.
+    The column ``verdict`` is the verdict if all agree, else empty. Rows without data do not count.
     """
     judged = verdicts[verdicts["verdict"] != "no data"]
     rows = []
@@ -197,17 +201,21 @@ def _agree(judged: pd.DataFrame, within: str) -> str:
 
 
 def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Number of statements with each verdict (rows) in each engine's column; see ``summary`` for its name."""
+    """Number of statements with each verdict (rows) for each engine (columns).
+
+    ``verdicts`` is a table of the function ``verdicts``. The columns are named as in ``verdict_table``.
+    """
     named, cases = _cases(verdicts)
     table = pd.crosstab(named["verdict"], named["case"])
     return table.reindex(index=list(VERDICTS), columns=cases, fill_value=0)
 
 
-def summary(verdicts: pd.DataFrame) -> str:
-    """Return the verdicts as a GitHub-markdown table, one row per statement.
+def verdict_table(verdicts: pd.DataFrame) -> str:
+    """Return verdicts as a GitHub-markdown table with one row per statement.
 
-    A column for each engine, or, where an engine ran at several time steps, for each of these. Its cells hold effect,
-    5th and 95th percentile to three significant digits, and the verdict.
+    ``verdicts`` is a table of the function ``verdicts``. There is one column for each engine, or for each time step of
+    an engine that ran at several. The cells contain the effect, its 5th and 95th percentile to three significant
+    digits, and the verdict.
     """
     named, cases = _cases(verdicts)
     lines = [f"| figure | the paper says | {' | '.join(cases)} |", "|" + " --- |" * (2 + len(cases))]
@@ -220,7 +228,7 @@ def summary(verdicts: pd.DataFrame) -> str:
 
 
 def _cases(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Add the column ``case``, the engine with its time step where it ran at several; and all cases in order."""
+    """Add the column ``case``: the engine, with the time step if it ran at several; also return all cases in order."""
     steps = verdicts.groupby("engine")["time_step"].nunique()
     names = {
         (engine, step): engine if steps[engine] == 1 else f"{engine}, {1e3 * step:.6g} ms"
@@ -235,7 +243,7 @@ def _cell(row: Any) -> str:
 
 
 def finding(row: Any) -> str:
-    """Effect of a row of ``verdicts`` with its 5th and 95th percentile, such as ``"+47.6 % [45.8, 48.7]"``."""
+    """Effect of a ``row`` of ``verdicts`` with its 5th and 95th percentile, such as ``"+47.6 % [45.8, 48.7]"``."""
     if row.verdict == "no data":
         return ""
     unit = f" {row.unit}" if row.unit else ""
@@ -245,7 +253,7 @@ def finding(row: Any) -> str:
 
 
 def _three_digits(x: float) -> str:
-    """Write ``x`` to three significant digits, without an exponent; what is below 1e-6 is rounding and is 0."""
+    """Write ``x`` to three significant digits, without an exponent; numbers below 1e-6 are written as 0."""
     rounded = float(f"{x:.2e}")
     if abs(rounded) < 1e-6:
         return "0"
@@ -266,7 +274,7 @@ _STATISTIC_NAMES = {"median": " median", "iqr": " IQR", "range": " range", "max"
 
 
 def claim(statement: Statement) -> str:
-    """Say a statement in a few words, such as ``"k_z > 0: height median +58.42 % on average"``."""
+    """Short form of a ``statement``, such as ``"k_z > 0: height median +58.42 % on average"``."""
     s = statement
     what = _MEASURE_NAMES.get(s.measure, s.measure.replace("_", " ")) + _STATISTIC_NAMES[s.statistic]
     if s.factor == "chosen":
@@ -286,3 +294,6 @@ def claim(statement: Statement) -> str:
         "occurs": "at some ticks",
     }
     return f"{where}: {what} {said.get(s.kind, s.kind)}"
+
+
+__getattr__ = renamed(__name__, {"summary": ("verdict_table", verdict_table)})

@@ -1,4 +1,4 @@
-"""Steering tried out: every gait of a robot in eight directions and turning, on level ground."""
+"""Trials of steering on level ground: every gait of a robot, in eight directions and turning."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ HEADINGS = tuple(range(0, 360, 45))
 
 TURNS = ("turn left", "turn right")
 ROBOTS = ("athena", "phantomx")
-STROKE = 0.04  # [m] of a foot against the body while it is on the ground
-SWING = 1.0  # [s]
-_FIRST = 2  # cycles in which the command is taken up
+STROKE = 0.04  # [m] that a foot in stance moves relative to the body
+SWING = 1.0  # [s] duration of a swing
+_FIRST = 2  # cycles in which the robot accelerates; they are not measured
 
 
 def study(robots: Sequence[str] = ROBOTS, *, num_cycles: int = 20) -> Study:
-    """Every robot with every gait in every direction, on the rigid engine."""
+    """Walks of every robot with every gait in every direction, ``num_cycles`` gait cycles each, on the rigid engine."""
     directions = [*(f"{heading} deg" for heading in HEADINGS), *TURNS]
     return Study(
         "manoeuvres", steered, tuple(grid(robot=robots, gait=GAITS, direction=directions, num_cycles=num_cycles))
@@ -36,9 +36,10 @@ def study(robots: Sequence[str] = ROBOTS, *, num_cycles: int = 20) -> Study:
 
 
 def command(robot: Robot, gait: str, direction: str, *, stroke: float = STROKE) -> tuple[Twist, float]:
-    """Velocity with which strokes are ``stroke`` [m] long, and the gait's cycle [s] with swings of one second.
+    """Velocity that makes strokes ``stroke`` [m] long, and the duration [s] of a cycle whose swings take one second.
 
-    ``direction`` is one of ``HEADINGS`` with " deg", or of ``TURNS``. Raises UnknownNameError for another.
+    ``gait`` is the name of the gait. ``direction`` is one of ``HEADINGS`` with " deg", or one of ``TURNS``. Raises
+    UnknownNameError for another direction.
     """
     duty_factor = gait_of(robot, gait).duty_factor
     cycle = SWING / (1.0 - duty_factor)
@@ -55,12 +56,17 @@ def command(robot: Robot, gait: str, direction: str, *, stroke: float = STROKE) 
 
 
 def steered(robot: str, gait: str, direction: str, num_cycles: int) -> dict[str, float]:
-    """Walk in one direction and measure; a trial of ``hexakin.study``.
+    """Simulate a walk in one direction and measure it; a trial of ``hexakin.study``.
 
-    Columns: ``forward``, ``left`` [m/s] and ``turn`` [rad/s], the mean velocity from the third cycle on;
-    ``error``, how far it is from the commanded one as a share of it, rates counted as speeds of a standing foot;
-    ``slip`` and ``slip_most`` [m], median and largest over
-    phases of the way that the most slipping foot in stance slid; ``torso_contact``, the share of ticks.
+    ``robot`` and ``gait`` are names, ``direction`` is that of ``command``, and ``num_cycles`` the number of gait
+    cycles. Raises SimulationError if the walk contains fewer cycles. The columns of the result are:
+
+    - ``forward``, ``left`` [m/s] and ``turn`` [rad/s], the mean velocity from the third cycle on;
+    - ``error``, its difference from the commanded velocity as a share of that velocity, where a rate counts as the
+      speed of a standing foot;
+    - ``slip`` and ``slip_most`` [m], the largest sliding distance among the feet in stance, as the median and the
+      maximum over the phases;
+    - ``torso_contact``, the share of ticks in which the torso touches the ground.
     """
     walker = load_robot(robot)
     twist, cycle = command(walker, gait, direction)
@@ -73,14 +79,14 @@ def steered(robot: str, gait: str, direction: str, num_cycles: int) -> dict[str,
     start, end = np.searchsorted(recording.time, [begin, begin + (num_cycles - _FIRST - 1) * cycle])
     if end >= len(recording.time):
         raise SimulationError(f"only {recording.time[-1]:.0f} s of {num_cycles} gait cycles")
-    # Steps between whole cycles, each from the pose before it: a turning body comes back to where it was.
+    # Sum the motion of whole cycles, each relative to the pose before it, because a turning body returns to its start.
     per_cycle = round(cycle / (recording.time[1] - recording.time[0]))
     moved = []
     for k in range(start, end - per_cycle + 1, per_cycle):
         T = inverse_pose(recording.T_world_body[k]) @ recording.T_world_body[k + per_cycle]
         moved.append([T[:3, 3] @ walker.forward, -T[:3, 3] @ walker.right, np.arctan2(T[1, 0], T[0, 0])])
     mean = np.mean(moved, axis=0) / (per_cycle * (recording.time[1] - recording.time[0]))
-    # Components are compared as speeds of a foot.
+    # Compare all components as speeds of a foot.
     arm = float(np.linalg.norm(controller.home[:, :2], axis=1).mean())
     scale = np.array([1.0, 1.0, arm])
     wanted = scale * np.array(twist)

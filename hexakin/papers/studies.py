@@ -1,4 +1,4 @@
-"""Paper A's studies: which walks, how often, on which engine and at which step (A Figs 10-19)."""
+"""Paper A's studies: the walks, their repeats, engines and time steps (A Figs 10-19)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENGINES = ("rigid", "pybullet")
 
 
 def repeats(scenario: str, count: int) -> list[dict[str, int]]:
-    """Perturbed starts on the ramp; layouts, each with a start of its own, on the testbed."""
+    """``count`` repeats in a ``scenario``: starts on the ramp; layouts, each with its own start, on the testbed."""
     layouts = SCENARIOS[scenario].has_layouts
     return [{"seed": k, "layout": k if layouts else 0} for k in range(count)]
 
@@ -22,7 +22,10 @@ def repeats(scenario: str, count: int) -> list[dict[str, int]]:
 def sweeps(
     scenario: str, *, count: int = 10, engines: tuple[str, ...] = ENGINES, time_steps: tuple[float, ...] = (0.002,)
 ) -> Study:
-    """A Figs 10-12 and 16, 18 (ramp), or 13-15 and 17, 19 (testbed): every setting, repeated ``count`` times."""
+    """A Figs 10-12, 16 and 18 (ramp), or 13-15, 17 and 19 (testbed): all gains, each with ``count`` repeats.
+
+    ``scenario`` is ``"ramp"`` or ``"testbed"``; the walks are made on all ``engines`` and with all ``time_steps`` [s].
+    """
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": engine, "time_step": time_step, **repeat}
         for engine in engines
@@ -34,11 +37,14 @@ def sweeps(
 
 
 FINER_STEPS = {"rigid": (0.001, 0.0005), "pybullet": (0.001,)}
-"""Time steps [s] at which the comparison of A Figs 16-19 is repeated, beside that of ``sweeps``."""
+"""Time steps [s], besides that of ``sweeps``, with which the comparison of A Figs 16-19 is repeated."""
 
 
 def steps(scenario: str, *, count: int = 10) -> Study:
-    """Simple control and the chosen gains at finer time steps than those of ``sweeps``: a check of convergence."""
+    """Simple control and the chosen gains with finer time steps than in ``sweeps``, as a check of convergence.
+
+    ``scenario`` and ``count`` are those of ``sweeps``.
+    """
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": engine, "time_step": time_step, **repeat}
         for engine, time_steps in FINER_STEPS.items()
@@ -50,7 +56,10 @@ def steps(scenario: str, *, count: int = 10) -> Study:
 
 
 def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study:
-    """``sweeps`` on rigid with the other reading of A(28)-(31), which turns the footholds themselves."""
+    """``sweeps`` on the rigid engine with the other reading of A(28)-(31), which rotates the footholds themselves.
+
+    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s].
+    """
     settings_that_turn = [gains for gains in settings(scenario) if gains["k_alpha"] or gains["k_beta"]]
     runs: list[dict[str, Scalar]] = [
         {
@@ -68,7 +77,10 @@ def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study
 
 
 def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Study:
-    """Every combination of the six levels of the three gains, on the rigid engine."""
+    """All combinations of the six levels of the three gains, on the rigid engine.
+
+    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s].
+    """
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": "rigid", "time_step": time_step, **repeat}
         for gains in grid(**dict.fromkeys(GAINS, GAIN_LEVELS))
@@ -78,8 +90,11 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
 
 
 def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
-    """Simple control and the chosen gains on testbeds of smaller blocks and higher steps, on the rigid engine."""
-    # [m]; 0.09 is the whole range of heights
+    """Simple control and the chosen gains on testbeds with smaller blocks and higher steps, on the rigid engine.
+
+    Each testbed has ``count`` repeats, with one ``time_step`` [s].
+    """
+    # [m]; a step of 0.09 is the whole range of heights
     beds = [{"block_size": size, "max_step": step} for size in (0.2, 0.1) for step in (0.03, 0.06, 0.09)]
     runs: list[dict[str, Scalar]] = [
         {"scenario": "testbed", **gains, "engine": "rigid", "time_step": time_step, **repeat, **bed}
@@ -91,21 +106,21 @@ def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
 
 
 def open_choices(scenario: str) -> Study:
-    """What the paper leaves open, varied (``hexakin.papers.open_choices``)."""
+    """Variation of the choices that the paper leaves open in a ``scenario`` (``hexakin.papers.open_choices``)."""
     from hexakin.papers.open_choices import sensitivity
 
     return sensitivity(scenario)
 
 
 def near_limits() -> Study:
-    """Walks up ramps near what friction, torque and balance allow (``hexakin.papers.near_limits``)."""
+    """Walks up ramps near the limits of friction, torque and balance (``hexakin.papers.near_limits``)."""
     from hexakin.papers.near_limits import study
 
     return study()
 
 
 def manoeuvres() -> Study:
-    """Gaits and directions of steering (``hexakin.papers.steering_trials``), on the rigid engine."""
+    """Steering with all gaits in all directions, on the rigid engine (``hexakin.papers.steering_trials``)."""
     from hexakin.papers.steering_trials import study
 
     return study()
@@ -117,14 +132,17 @@ _MAKERS: dict[str, Callable[[str], Study]] = {
 STUDIES: dict[str, Callable[[], Study]] = {
     f"{scenario}_{kind}": partial(make, scenario) for kind, make in _MAKERS.items() for scenario in SCENARIOS
 }
-"""Studies by name; ``python -m hexakin study NAME`` makes one. Their results are in data/results."""
+"""Studies by name. ``python -m hexakin study NAME`` runs one; the stored results are in data/results."""
 STUDIES["testbed_rougher"] = rougher
 STUDIES["ramp_limits"] = near_limits
 STUDIES["manoeuvres"] = manoeuvres
 
 
 def fresh(scenario: str, *, count: int = 2) -> Study:
-    """What the notebooks repeat of ``sweeps``: all of it with fewer starts on rigid, one comparison on PyBullet."""
+    """Part of ``sweeps`` that the notebooks repeat: all gains on the rigid engine, and one comparison on PyBullet.
+
+    ``scenario`` is that of ``sweeps``; on the rigid engine there are ``count`` repeats, on PyBullet there is one.
+    """
     rigid = sweeps(scenario, count=count, engines=("rigid",)).runs
     pybullet = sweeps(scenario, count=1, engines=("pybullet",)).runs
     ends = [tuple(gains.values()) for gains in compared(scenario)]

@@ -13,10 +13,10 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS, SIMPLE
 
 MIN_AGREEMENT = 0.9
-"""Share of the repeats that must go the paper's way for it to count as found."""
+"""Share of the repeats that must agree with a statement so that it counts as reproduced."""
 
 KEY = ("scenario", *GAINS, "engine", "time_step", "seed", "layout")
-"""Columns that together name one run."""
+"""Columns that together identify one run."""
 
 STATISTICS = {
     "median": ("median",),
@@ -25,7 +25,7 @@ STATISTICS = {
     "max": ("max",),
     "mean": ("",),
 }
-"""Endings of the columns that a statistic is taken from; of two, the second minus the first."""
+"""Endings of the columns of a statistic; with two columns, the statistic is the second minus the first."""
 
 UNITS = {
     "height": "m",
@@ -52,27 +52,28 @@ KINDS = (*CHANGES, *EXTREMES, "value", "never", "occurs")
 
 @dataclass(frozen=True)
 class Statement:
-    """One thing that the paper says of one statistic of one measure.
+    """One statement of the paper about one statistic of one measure.
 
     Parameters
     ----------
     id, figure, scenario, wording
-        The statement's name, the paper's figure, ``"ramp"`` or ``"testbed"``, and the paper's own words.
+        Name of the statement, figure of the paper, ``"ramp"`` or ``"testbed"``, and the words of the paper.
     factor, at
-        A gain and the levels of it that the statement is about; or ``"chosen"``, the paper's chosen gains.
+        A gain and its levels that the statement is about; or ``"chosen"`` for the paper's chosen gains.
     measure, statistic
         ``statistic`` is ``"median"``, ``"iqr"``, ``"range"`` (max - min) or ``"max"`` of ``measure`` over a run;
-        ``"mean"`` is the measure's own column, one number per run.
+        ``"mean"`` is the column of the measure itself, one number per run.
     kind, value, tolerance
-        What is said, and how a repeat agrees with it. Changes are against simple control, in percent.
+        Kind of the statement, which defines when a repeat agrees with it. Changes are relative to simple control, in
+        percent.
 
-        - ``"change_percent"``: the change, averaged over ``at``, is ``value``; a repeat agrees by its sign.
+        - ``"change_percent"``: the change, averaged over ``at``, is ``value``; a repeat agrees if the sign is the same.
         - ``"direction"``: the change has the sign ``value``, at every level of ``at``.
-        - ``"unchanged"``: no change exceeds ``tolerance`` percent, our reading of "no significant effect".
-        - ``"inconclusive"``: at none of ``at`` do the repeats agree on the sign of the change.
-        - ``"highest"``, ``"lowest"``: the m levels in ``at`` are the m most extreme of the gain's six.
+        - ``"unchanged"``: no change exceeds ``tolerance`` percent. This is how "no significant effect" is interpreted.
+        - ``"inconclusive"``: the repeats do not agree on the sign of the change at any level of ``at``.
+        - ``"highest"``, ``"lowest"``: the m levels in ``at`` are the m most extreme of the gain's six levels.
         - ``"value"``: the statistic itself is ``value``; a repeat agrees within ``tolerance``.
-        - ``"never"``, ``"occurs"``: the statistic, a share of time, is zero; is above zero.
+        - ``"never"``, ``"occurs"``: the statistic, a share of time, is zero, or above zero.
 
         ``tolerance`` of a number is half a unit of its last printed digit. Fields that a kind does not use
         are NaN.
@@ -93,21 +94,23 @@ class Statement:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A statement beside what was measured, and what follows.
+    """Verdict on a statement, with the measured effect.
 
     Parameters
     ----------
+    statement
+        The statement that was judged.
     repeats, left_out
-        Repeats used, and those left out because a run that they need is missing, failed or not finite, or
-        because a change in percent would start from zero.
+        Number of repeats used, and of repeats left out. A repeat is left out if a run that it needs is missing, failed
+        or not finite, or if a change in percent would start from zero.
     effect, low, high
         Median, 5th and 95th percentile over the repeats, in ``unit``: of the statistic itself (``"value"``,
         ``"never"``, ``"occurs"``), of the mean change (``"change_percent"``), of the difference between the mean of
-        the named and of the other levels (``"highest"``, ``"lowest"``), else of the change at the level that speaks
-        most against the paper. NaN without two repeats.
+        the named and of the other levels (``"highest"``, ``"lowest"``), else of the change at the level that
+        contradicts the paper most. NaN with fewer than two repeats.
     agreement
-        Share of the repeats that go the paper's way; for ``"inconclusive"`` the share of levels at which the
-        repeats do not agree on a sign.
+        Share of the repeats that agree with the statement. For ``"inconclusive"`` it is the share of levels at which
+        the repeats do not agree on a sign.
     verdict
         ``"reproduced"``, ``"same direction"``, ``"not reproduced"`` or ``"no data"``.
     """
@@ -124,12 +127,12 @@ class Verdict:
 
 
 def columns_of(statement: Statement) -> list[str]:
-    """Columns of a table of runs from which the statement's statistic is taken."""
+    """Columns of a table of runs that the statistic of the ``statement`` is computed from."""
     return [f"{statement.measure}_{end}" if end else statement.measure for end in STATISTICS[statement.statistic]]
 
 
 def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
-    """Raise InvalidInputError where columns are missing, a run is not named in full, or two runs have one name."""
+    """Raise InvalidInputError if columns are missing, a run is not identified completely, or a run is given twice."""
     needed = dict.fromkeys([*KEY, "status", *(column for s in statements for column in columns_of(s))])
     missing = [column for column in needed if column not in runs.columns]
     if missing:
@@ -137,7 +140,7 @@ def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
     for column in KEY:
         if runs[column].isna().any():
             raise InvalidInputError(f"runs: {column} is missing in {int(runs[column].isna().sum())} rows")
-    # Gains that went through arithmetic may differ in the last bit.
+    # Computed gains may differ in the last bit.
     keys = runs[list(KEY)].round(dict.fromkeys(GAINS, 6))
     repeated = keys[keys.duplicated()]
     if len(repeated):
@@ -146,10 +149,11 @@ def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
 
 
 def change_percent(before: ArrayLike, after: ArrayLike) -> Array:
-    """Change from ``before`` to ``after`` in percent of the size of ``before``, element by element, (...) each.
+    """Change in percent, (...), element by element.
 
-    Of the size, so that a rise is positive where ``before`` is negative, as a stability margin may be. Raises
-    InvalidInputError for a ``before`` of zero.
+    ``before`` (...) and ``after`` (...) are in any common unit. The change is divided by the absolute value of
+    ``before``, so that a rise is positive even if ``before`` is negative, as a stability margin may be. Raises
+    InvalidInputError for shapes that differ, and if an element of ``before`` is zero.
     """
     a, b = check_array("before", before, ()), check_array("after", after, ())
     if a.shape != b.shape or (a == 0.0).any():
@@ -158,18 +162,18 @@ def change_percent(before: ArrayLike, after: ArrayLike) -> Array:
 
 
 def judge(statement: Statement, runs: pd.DataFrame) -> Verdict:
-    """Compare a statement with the runs of one engine at one time step, one row each.
+    """Judge a ``statement`` from the runs of one engine with one time step.
 
-    Runs are paired by seed and layout: a repeat is one start on one layout, run with every gain that the statement
-    needs, each with status ``"ok"``.
+    ``runs`` has one row per run. Runs are paired by seed and layout: a repeat is one start on one layout, run with all
+    gains that the statement needs, each with the status ``"ok"``. The verdict is one of:
 
-    - *reproduced*: at least 90 % of the repeats agree (see ``Statement``) and the paper's number, if it gives one,
-      lies between their 5th and 95th percentiles to the digits printed. A ``"value"`` needs only the latter, an
-      ``"inconclusive"`` every level open.
+    - *reproduced*: at least 90 % of the repeats agree (see ``Statement``). If the paper gives a number, it also lies
+      between their 5th and 95th percentiles, to the printed digits. A ``"value"`` needs the latter only. An
+      ``"inconclusive"`` statement needs that the repeats disagree at every level.
     - *same direction*: at least 90 % of the repeats have the sign of a ``"change_percent"``, but its number lies
-      outside.
-    - *not reproduced*: neither.
-    - *no data*: fewer than two repeats.
+      outside the percentiles.
+    - *not reproduced*: neither of these.
+    - *no data*: there are fewer than two repeats.
 
     Raises InvalidInputError for missing columns, for a run given twice, and for several engines or time steps.
     """
@@ -178,12 +182,12 @@ def judge(statement: Statement, runs: pd.DataFrame) -> Verdict:
     cases = runs[["engine", "time_step"]].drop_duplicates()
     if len(cases) > 1:
         found = "; ".join(f"{engine} at {step:g} s" for engine, step in cases.itertuples(index=False))
-        raise InvalidInputError(f"runs: a verdict is on one engine and one time step, got {found}")
+        raise InvalidInputError(f"runs: expected one engine and one time step, got {found}")
     return judge_checked(statement, runs)
 
 
 def judge_checked(statement: Statement, runs: pd.DataFrame) -> Verdict:
-    """``judge`` for runs that ``check_runs`` has passed, of the statement's scenario, one engine and one time step."""
+    """Judge as ``judge`` does, without its checks: runs of the statement's scenario, one engine and one time step."""
     started = _repeats(statement, runs)
     values = started[np.isfinite(started).all(axis=1)]
     if statement.kind in CHANGES:
@@ -209,7 +213,7 @@ def judge_checked(statement: Statement, runs: pd.DataFrame) -> Verdict:
 
 
 def _gains(statement: Statement) -> list[tuple[float, ...]]:
-    """Gains that the statement needs: the reference of a change first, the named levels, the levels not named."""
+    """Gains that the statement needs: first the reference of a change, then the named levels, then the other levels."""
 
     def swept(level: float) -> tuple[float, ...]:
         return tuple(level if name == statement.factor else 0.0 for name in GAINS)
@@ -227,7 +231,7 @@ def _gains(statement: Statement) -> list[tuple[float, ...]]:
 
 
 def _repeats(statement: Statement, runs: pd.DataFrame) -> Array:
-    """Statistic (n, gains) of every repeat of which at least one run exists; NaN where a run is missing or failed."""
+    """Statistic (n, gains) of every repeat with at least one run; NaN where a run is missing or failed."""
     data = runs[columns_of(statement)]
     try:
         data = data.astype(float)
@@ -245,7 +249,7 @@ def _repeats(statement: Statement, runs: pd.DataFrame) -> Array:
 
 
 def _effect(statement: Statement, values: Array) -> tuple[Array, float]:
-    """Effect (n,) of each repeat and the agreement, from the statistic (n, gains) ordered as ``_gains`` has it."""
+    """Effect (n,) of each repeat, and the agreement, from the statistic (n, gains) in the order of ``_gains``."""
     kind = statement.kind
     if kind in EXTREMES:
         named, others = values[:, : len(statement.at)], values[:, len(statement.at) :]

@@ -1,1 +1,1 @@
-"""What a robot is: its model, and its files in and out."""
+"""The robot: its model, its YAML file with all checks, and its URDF."""

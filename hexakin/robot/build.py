@@ -1,4 +1,4 @@
-"""From the fields of a robot description to a ``Robot``, with the checks that need more than one field."""
+"""Build a ``Robot`` from the fields of a robot description, with the checks that need more than one field."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from hexakin.robot.model import SEGMENT_NAMES, Body, Leg, Robot, Servo
 from hexakin.robot.plausibility import check_body, check_foot
 from hexakin.robot.schema import ANGLE, LENGTH, OFFSET, BodyFields, FieldError, InertiaFields, RobotFields
 
-_RESERVED = ("ankle", "foot", "spring")  # with a leg's number they are names of the URDF and of the multibody model
+_RESERVED = ("ankle", "foot", "spring")  # with a leg's number, these are names in the URDF and the multibody model
 
 
 def build(file: RobotFields, sources: Mapping[str, str], written: Mapping[str, str]) -> Robot:
     """Build the robot that ``file`` describes.
 
-    ``sources`` maps paths of fields to where values come from, ``written`` to the keys as the file has them, with
-    their units. Raises FieldError, which names the field, its value and what was expected.
+    ``sources`` maps the path of each field to the source of its value, and ``written`` to its key as written in the
+    file, with the unit. Raises FieldError, which names the field, its value and the expected values.
     """
     if len(file.legs) != file.num_legs:
         raise FieldError(f"legs: {len(file.legs)} given, expected num_legs = {file.num_legs}")
@@ -41,7 +41,7 @@ def build(file: RobotFields, sources: Mapping[str, str], written: Mapping[str, s
     lengths = _lengths(table, legs)
     segments = {}
     for index, name in enumerate(SEGMENT_NAMES):
-        # Without a given centre of mass a limb is taken as uniform between its joints.
+        # If no centre of mass is given, a segment is assumed to be uniform between its joints.
         length = float(lengths[0, index])
         if np.ptp(lengths[:, index]) > 1e-9 and getattr(file.segments, name).center_of_mass is None:
             raise FieldError(f"segments.{name}.center_of_mass: needed, since the legs' lengths differ")
@@ -69,7 +69,9 @@ def _check_joints(table: LegTable) -> None:
         raise FieldError(f"leg_table.joints: names must differ, got {', '.join(table.joints)}")
     for joint in table.joints:
         if joint in _RESERVED:
-            raise FieldError(f"leg_table.joints: {joint} is taken by a part of every leg; choose another name")
+            raise FieldError(
+                f"leg_table.joints: {joint} is already the name of a part of every leg; choose another name"
+            )
         uses = [motion for motion, entry in table.motions if entry == joint]
         if uses != ["rz"] or pi_multiple(joint) is not None:
             raise FieldError(
@@ -104,7 +106,7 @@ def _leg(file: RobotFields, table: LegTable, index: int, written: Mapping[str, s
 
 
 def _lengths(table: LegTable, legs: tuple[Leg, ...]) -> Array:
-    """Distances (L, 3) [m] from each joint to the next, the last to the foot."""
+    """Return the distances (L, 3) [m] from each joint to the next, and from the last joint to the foot."""
     lengths = np.array([np.linalg.norm(table.fixed_poses(leg.values)[1:, :3, 3], axis=-1) for leg in legs])
     for leg, segment in np.argwhere((lengths > LENGTH.high) | (lengths < LENGTH.low)):
         length, name = lengths[leg, segment], SEGMENT_NAMES[segment]
@@ -113,14 +115,14 @@ def _lengths(table: LegTable, legs: tuple[Leg, ...]) -> Array:
             raise FieldError(
                 f"legs.{leg + 1}: its {name} is {length:g} m long, expected at most {LENGTH.high:g}; {units}"
             )
-        if name != "coxa":  # which may be a point: two axes that cross
+        if name != "coxa":  # a coxa may have no length: its two axes then intersect
             least = f"expected at least {LENGTH.low:g}; {units}"
             raise FieldError(f"legs.{leg + 1}: its {name} has no length ({length:g} m), {least}")
     return lengths
 
 
 def _joint_values(file: RobotFields, table: LegTable, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Limits (3, 2) and standing angles (3,) of a leg: its own, or else those of the file."""
+    """Return limits (3, 2) and standing angles (3,) [rad] of a leg: its own values or those for all legs."""
     leg = file.legs[index]
     ranges, angles = file.joint_limits | leg.joint_limits, file.standing | leg.standing
     for field, given in (("joint_limits", set(ranges)), ("standing", set(angles))):

@@ -1,7 +1,7 @@
-"""Reading robot descriptions: YAML with units in the field names and a source beside each value.
+"""Read robot descriptions: YAML files with units in the field names and a source beside each value.
 
-Anywhere in the file a value may be written as ``{value: ..., source: "Table 2"}``; a ``source`` in a
-mapping holds for everything below it. Fields whose names end in ``_mm`` or ``_deg`` are converted to
+Any value in the file may be written as ``{value: ..., source: "Table 2"}``; a ``source`` in a
+mapping holds for all values below it. Fields whose names end in ``_mm`` or ``_deg`` are converted to
 metres and radians, and angles may be written as multiples of pi (``-pi/2``).
 """
 
@@ -22,21 +22,22 @@ from hexakin.robot.build import build
 from hexakin.robot.model import Robot
 from hexakin.robot.schema import FieldError, RobotFields
 
-_LARGEST = 64 * 1024  # characters: ten times the largest shipped file
-_DEEPEST = 32  # levels of nesting: a robot file has six
+_LARGEST = 64 * 1024  # [characters] ten times the largest shipped file
+_DEEPEST = 32  # allowed levels of nesting; a robot file has six
 
 
 def robot_names() -> list[str]:
-    """Names of the shipped robots."""
+    """Return the names of the shipped robots."""
     return sorted(path.stem for path in (DATA / "robots").glob("*.yaml"))
 
 
 def load_robot(name: str | os.PathLike[str]) -> Robot:
-    """Load a robot by its name (``"athena"``) or from a path to a YAML file.
+    """Load a robot by its name or from a file.
 
-    ``python -m hexakin robot --schema`` prints what a file may hold. Raises UnknownNameError for a name that does not
-    exist and RobotFileError, which names the file, the field, its value and what was expected, for a file that does
-    not describe a possible robot.
+    ``name`` is the name of a shipped robot (such as ``"athena"``) or the path of a YAML file. ``python -m hexakin robot
+    --schema`` prints the documentation of such a file. Raises UnknownNameError for an unknown name. Raises
+    RobotFileError if the file cannot be read or describes a robot that cannot exist; the error names the file, the
+    field, its value and the expected values.
     """
     if not isinstance(name, (str, os.PathLike)) or "\0" in str(name):
         raise RobotFileError(f"expected a robot's name or the path of its file, got {name!r:.80}")
@@ -49,9 +50,9 @@ def load_robot(name: str | os.PathLike[str]) -> Robot:
 
 
 def robot_from_tree(tree: object, origin: str) -> Robot:
-    """Build a robot from the nested dicts and lists of its file; ``origin`` is what errors call the file.
+    """Build a robot from ``tree``, the nested dicts and lists of its file.
 
-    Raises RobotFileError as ``load_robot``. ``tree`` is left as it is.
+    ``origin`` is the file's name in error messages. Raises RobotFileError like ``load_robot``. ``tree`` is not changed.
     """
     if not isinstance(tree, dict):
         raise RobotFileError(f"{origin}: expected a mapping of fields, got {type(tree).__name__}")
@@ -59,8 +60,8 @@ def robot_from_tree(tree: object, origin: str) -> Robot:
     try:
         return build(RobotFields.model_validate(_strip(tree, "", "", keys)), *keys)
     except ValidationError as error:
-        told = "; ".join(_describe(item, keys) for item in error.errors()[:5])
-        raise RobotFileError(f"{origin}: {told}") from error
+        messages = "; ".join(_describe(item, keys) for item in error.errors()[:5])
+        raise RobotFileError(f"{origin}: {messages}") from error
     except FieldError as error:
         raise RobotFileError(f"{origin}: {_short(error, 1000)}") from error
     except RecursionError as error:
@@ -76,14 +77,14 @@ def _text(path: Path) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"{path}: cannot be read ({error})") from error
     if len(text) > _LARGEST:
-        raise RobotFileError(f"{path}: longer than {_LARGEST} characters, which no robot needs")
+        raise RobotFileError(f"{path}: longer than {_LARGEST} characters, the most that is allowed")
     return text
 
 
-# What PyYAML raises for malformed text and for impossible tags.
+# The errors that PyYAML raises for malformed text and invalid tags.
 _YAML_FAULTS = (yaml.YAMLError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C where PyYAML has it, ten times as fast
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C version, if PyYAML has it, is ten times as fast
 
 
 def _parsed(text: str, origin: str) -> object:
@@ -101,7 +102,7 @@ def _parsed(text: str, origin: str) -> object:
 
 
 class _StrictLoader(_Loader):
-    """YAML without what a robot file has no use for: fields given twice and keys that are no text."""
+    """A YAML loader that rejects fields given twice and keys that are not text."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         seen: set[str] = set()
@@ -117,7 +118,7 @@ class _StrictLoader(_Loader):
 
 
 def _short(value: object, most: int = 200) -> str:
-    """Text of a value, short enough for a message."""
+    """Return the text of a value, short enough for a message."""
     try:
         text = str(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits has no text
@@ -126,7 +127,7 @@ def _short(value: object, most: int = 200) -> str:
 
 
 class _Keys(NamedTuple):
-    """By the path of a field: the source of its value, and its key as the file has it, with its unit."""
+    """For the path of each field: the source of its value, and its key as written in the file, with the unit."""
 
     sources: dict[str, str]
     written: dict[str, str]
@@ -137,7 +138,7 @@ _UNITS = {"_mm": 1e-3, "_deg": math.pi / 180.0}
 
 
 def _strip(node: Any, path: str, source: str, keys: _Keys) -> Any:
-    """Drop ``value``/``source`` wrappers and unit suffixes; collect each leaf's source under its path."""
+    """Remove ``value``/``source`` wrappers and unit suffixes, and store the source of each value in ``keys``."""
     if isinstance(node, dict):
         source = node.get("source", source)
         if not isinstance(source, str):

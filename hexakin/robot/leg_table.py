@@ -14,13 +14,13 @@ from hexakin.checks import Array
 from hexakin.transforms import axis_rotation, pose
 
 NUM_JOINTS = 3
-"""Actuated joints per leg."""
+"""Number of actuated joints per leg."""
 
 _PI_MULTIPLE = re.compile(r"([+-]?)(\d{1,6})?\*?pi(?:/(\d{1,6}))?")
 
 
 def pi_multiple(entry: str | int) -> Fraction | None:
-    """Return the multiple of pi that ``entry`` stands for (``"-pi/2"`` gives -1/2, 0 gives 0), or None."""
+    """Return the factor of pi in ``entry`` (``"-pi/2"`` gives -1/2, 0 gives 0); None if it is a name."""
     if entry == 0:
         return Fraction(0)
     match = _PI_MULTIPLE.fullmatch(str(entry).replace(" ", ""))
@@ -31,7 +31,11 @@ def pi_multiple(entry: str | int) -> Fraction | None:
 
 @dataclass(frozen=True)
 class DHRow:
-    """One row of a Denavit-Hartenberg table; an entry is 0, a multiple of pi such as ``"pi/2"``, or a name."""
+    """One row of a Denavit-Hartenberg table.
+
+    ``theta`` is the turn about z, ``d`` the shift along z, ``a`` the shift along x and ``alpha`` the turn about x. Each
+    is 0, a multiple of pi such as ``"pi/2"``, or the name of a joint or parameter.
+    """
 
     theta: str | int
     d: str | int
@@ -41,11 +45,12 @@ class DHRow:
 
 @dataclass(frozen=True)
 class LegTable:
-    """The Denavit-Hartenberg table of a leg; ``joints`` are the names among its theta entries that move.
+    """The Denavit-Hartenberg table of a leg.
 
-    ``mount`` is the place (x, y, z) of the table's first frame in the body frame, unrotated; empty if it is the body
-    frame itself. ``convention`` is ``"classical"``, Rz(theta) Tz(d) Tx(a) Rx(alpha) per row (A Table 3), or
-    ``"modified"``, Rx(alpha) Tx(a) Rz(theta) Tz(d) per row (Khalil's, paper B).
+    ``convention`` is ``"classical"``, Rz(theta) Tz(d) Tx(a) Rx(alpha) per row (A Table 3), or ``"modified"``, Rx(alpha)
+    Tx(a) Rz(theta) Tz(d) per row (Khalil's convention, used by paper B). ``rows`` are the rows. ``joints`` are the
+    names of the theta entries that are joint angles. ``mount`` is the position (x, y, z) of the table's first frame in
+    the body frame, without rotation; it is empty if the first frame is the body frame.
     """
 
     convention: str
@@ -55,7 +60,7 @@ class LegTable:
 
     @cached_property
     def motions(self) -> tuple[tuple[str, str | int], ...]:
-        """The table as elementary motions in order, such as ``("rz", "theta_1")``; zeros are left out."""
+        """The table as a sequence of elementary motions, such as ``("rz", "theta_1")``; entries 0 are left out."""
         motions: list[tuple[str, str | int]] = list(zip(("tx", "ty", "tz"), self.mount, strict=False))
         for row in self.rows:
             screw_z, screw_x = [("rz", row.theta), ("tz", row.d)], [("tx", row.a), ("rx", row.alpha)]
@@ -64,12 +69,15 @@ class LegTable:
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
-        """Names in the table that are not joints, in order of appearance."""
+        """Names in the table that are not joints, in the order in which they appear."""
         names = [str(e) for _, e in self.motions if pi_multiple(e) is None and e not in self.joints]
         return tuple(dict.fromkeys(names))
 
     def canonical(self) -> LegTable:
-        """Return the table with joints named q0, q1, q2 and parameters p0, p1, ...: legs of one type are then equal."""
+        """Return the table with joints named q0, q1, q2 and parameters p0, p1, ...
+
+        The tables of two legs of the same type are then equal.
+        """
         names = {name: f"q{i}" for i, name in enumerate(self.joints)}
         names |= {name: f"p{i}" for i, name in enumerate(self.parameters)}
         rows = [DHRow(*(names.get(str(e), e) for e in (r.theta, r.d, r.a, r.alpha))) for r in self.rows]
@@ -78,16 +86,17 @@ class LegTable:
 
     @cached_property
     def type_key(self) -> str:
-        """One line that is equal for tables of one leg type, whatever they call their lengths."""
+        """A line of text that is equal for all tables of the same leg type, whatever names they use."""
         table = self.canonical()
         rows = (f"{row.theta} {row.d} {row.a} {row.alpha}" for row in table.rows)
         mount = f" at {' '.join(map(str, table.mount))}" if table.mount else ""
         return f"{self.convention}{mount}: " + " | ".join(rows)
 
     def fixed_poses(self, values: Mapping[str, float]) -> Array:
-        """Return the constant pose before each joint and the one behind the last, (4, 4, 4), for parameter ``values``.
+        """Return the constant poses (4, 4, 4) before each of the three joints and after the last joint.
 
-        Joint k turns about the z axis of the frame that pose k leads to.
+        ``values`` are the values [m, rad] of the table's parameters by name. Joint k turns about the z axis of the
+        frame that pose k leads to.
         """
         poses = [np.eye(4)]
         for motion, entry in self.motions:

@@ -19,16 +19,15 @@ GRAVITY = 9.81
 """Gravitational acceleration [m/s^2]."""
 
 SEGMENT_NAMES = ("coxa", "femur", "tibia")
-"""One rigid segment behind each joint; the foot is fixed to the last."""
+"""Names of a leg's three rigid segments, one after each joint; the foot is fixed to the last one."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: ``mass`` [kg], ``center_of_mass`` (3,) [m] and ``inertia`` (3, 3) [kg m^2] about it.
+    """A rigid body: ``mass`` [kg], ``center_of_mass`` (3,) [m], ``inertia`` (3, 3) [kg m^2] about the centre of mass.
 
-    ``size`` (3,) [m] are the edges of its box (or three times the diameter of a foot's sphere). Axes are
-    those of the body frame for the torso and those of the segment frame for a limb: origin at the
-    segment's joint, x towards the next joint.
+    ``size`` (3,) [m] are the edges of its box; for a foot, all three are the diameter of its sphere. The torso uses
+    the axes of the body frame. A segment uses its own frame: origin at its joint, x towards the next joint.
     """
 
     mass: float
@@ -42,14 +41,14 @@ class Body:
 
     @cached_property
     def corners(self) -> Array:
-        """Corners (8, 3) [m] of the box, which stands around the centre of mass; x changes slowest, z fastest."""
+        """Corners (8, 3) [m] of the box, which is centred on the centre of mass; x changes slowest, z fastest."""
         sides = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
         return read_only(self.center_of_mass + sides * self.size)
 
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg: its name and the values of the table's parameters [m, rad]."""
+    """One leg: its ``name`` and the ``values`` [m, rad] of the leg table's parameters by name."""
 
     name: str
     values: Mapping[str, float]
@@ -58,15 +57,16 @@ class Leg:
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 
     def __reduce__(self) -> tuple:
-        """Pickle by value: read-only mappings cannot be pickled themselves."""
+        """Pickle with plain dicts, because read-only mappings cannot be pickled."""
         return Leg, (self.name, dict(self.values))
 
 
 @dataclass(frozen=True)
 class Servo:
-    """A velocity servo: the joint is driven at ``rate`` * (command - angle) [1/s], at most ``max_torque`` [N m].
+    """A velocity servo: it drives its joint at the speed ``rate`` [1/s] * (command - angle).
 
-    ``max_speed`` [rad/s] is what feasibility checks allow a joint, None if it is not known; the engines do not use it.
+    Its torque is at most ``max_torque`` [N m]. ``max_speed`` [rad/s] is the largest joint speed that feasibility checks
+    allow, None if it is not known; the engines do not use it.
     """
 
     max_torque: float
@@ -76,11 +76,34 @@ class Servo:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A legged robot. Build one with ``hexakin.load_robot``.
+    """A legged robot with L legs. Load one with ``hexakin.load_robot``.
 
-    ``forward`` is the unit vector of walking in the body frame (z is up). ``joint_limits`` (L, 3, 2)
-    [rad] are the lower and upper limits, ``standing_q`` (L, 3) [rad] the angles of the standing pose.
-    ``sources`` maps a field's path in the file to where its value comes from.
+    Parameters
+    ----------
+    name
+        The robot's name.
+    reference
+        Where the robot is described.
+    forward
+        Direction of walking (3,) in the body frame, a horizontal unit vector; z of the body frame points up.
+    table
+        The Denavit-Hartenberg table that all legs share.
+    legs
+        The L legs, in order around the body.
+    torso
+        The body that carries the legs.
+    segments
+        The coxa, femur and tibia of every leg, by name.
+    foot
+        The sphere at the end of every leg.
+    joint_limits
+        Lower and upper joint limits (L, 3, 2) [rad].
+    standing_q
+        Joint angles (L, 3) [rad] of the standing pose.
+    servo
+        The servo of every joint.
+    sources
+        The source of each value, by the path of its field in the file.
     """
 
     name: str
@@ -103,7 +126,7 @@ class Robot:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __reduce__(self) -> tuple:
-        """Pickle by value: read-only mappings cannot be pickled themselves."""
+        """Pickle with plain dicts, because read-only mappings cannot be pickled."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
         values |= {"segments": dict(self.segments), "sources": dict(self.sources)}
         return _rebuild, (values,)
@@ -126,7 +149,7 @@ class Robot:
 
     @property
     def torso_corners(self) -> Array:
-        """Corners (8, 3) [m] of the torso's box in the body frame; those at even places are its underside's."""
+        """Corners (8, 3) [m] of the torso's box in the body frame; those with even index are on its underside."""
         return self.torso.corners
 
     @property
@@ -151,24 +174,27 @@ class Robot:
 
     @cached_property
     def parameters(self) -> Array:
-        """Values of the table's parameters, (L, n), in the order of ``table.canonical()``."""
+        """Values (L, n) [m, rad] of the table's n parameters, in the order of ``table.canonical()``."""
         return read_only([[leg.values[name] for name in self.table.parameters] for leg in self.legs])
 
     def description(self) -> dict[str, Any]:
-        """Every value of the description as plain data, fit for JSON; sources are left out."""
+        """Return all values of the description, except the sources, as plain data that JSON can store."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "sources"}
 
     def fixed_poses(self, leg: int) -> Array:
-        """Return the constant poses of leg ``leg`` (index from 0) around its joints; see ``LegTable.fixed_poses``."""
+        """Return the constant poses (4, 4, 4) of leg ``leg`` (index from 0); see ``LegTable.fixed_poses``."""
         return self._fixed_poses[leg]
 
     @cached_property
     def _fixed_poses(self) -> Array:
-        # Asked for at every tick of a walk.
+        # Cached, because a walk uses it in every control step.
         return read_only([self.table.fixed_poses(leg.values) for leg in self.legs])
 
     def segment_poses(self, leg: int) -> Array:
-        """Pose (3, 4, 4) of each segment's frame (x towards the next joint) in the frame of its joint."""
+        """Return the pose (3, 4, 4) of each segment's frame, x towards the next joint, in the frame of its joint.
+
+        ``leg`` is the index of the leg, from 0.
+        """
         ends = self.fixed_poses(leg)[1:, :3, 3]
         return np.array(
             [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
@@ -176,7 +202,7 @@ class Robot:
 
 
 def check_robot(robot: object) -> None:
-    """Raise InvalidInputError unless ``robot`` is a Robot: a name or a path has to be loaded first."""
+    """Raise InvalidInputError unless ``robot`` is a Robot; a name or a path must first be loaded."""
     if not isinstance(robot, Robot):
         raise InvalidInputError(f"robot: expected what hexakin.load_robot returns, got {robot!r:.80}")
 

@@ -1,4 +1,4 @@
-"""Which bodies are physically possible: masses, inertias and centres of mass against each other and the box."""
+"""Checks that bodies can exist: mass, inertia and centre of mass must fit together and fit the size of the box."""
 
 from __future__ import annotations
 
@@ -9,29 +9,32 @@ from hexakin.robot.model import Body
 from hexakin.robot.schema import FieldError
 
 DENSITY = (5.0, 22_600.0)
-"""What a body's mass over its box may be [kg/m^3]: from the lightest foam to osmium, the densest solid."""
+"""Allowed mass per volume of the box [kg/m^3]: from the lightest foam to osmium, the densest solid."""
 
 GYRATION = (2e-3, 1e2)
-"""Largest moment of inertia over the most that mass within the box can have. A unit that is wrong by 1000 is outside:
-a uniform box is at 1/3, a servo in the corner of a large one at 1/50."""
+"""Allowed ratio of the largest moment of inertia to the largest that mass within the box can have. A uniform box has
+1/3, a servo in the corner of a large box 1/50; a value in a unit that is wrong by a factor of 1000 is outside."""
 
-_FOOT_GYRATION = (2e-3, 1e3)  # a foot's sphere is where it touches; its mass may reach further
-_CENTER = 10.0  # of box and segment: a centre of mass further out is in another unit
+_FOOT_GYRATION = (2e-3, 1e3)  # the sphere is only the foot's contact surface; its mass may extend further
+_CENTER = 10.0  # times the size of box and segment: a centre of mass further away is in another unit
 
 
 def principal_moments(body: Body) -> Array:
-    """Principal moments of inertia (3,) [kg m^2], ascending."""
+    """Return the principal moments of inertia (3,) [kg m^2] of ``body``, ascending."""
     return np.asarray(np.linalg.eigvalsh(body.inertia), dtype=float)
 
 
 def most_inertia(body: Body) -> Array:
-    """Largest moments (3,) [kg m^2] about x, y, z that mass within the body's box can have: if it is at the corners."""
+    """Return the largest moments (3,) [kg m^2] about x, y, z that mass within the box of ``body`` can have.
+
+    They are those of a mass that is all at the corners.
+    """
     squares = body.size**2
     return 0.25 * body.mass * (squares.sum() - squares)
 
 
 def check_body(body: Body, where: str, length: float) -> None:
-    """Raise FieldError unless ``body``, the field at ``where``, is possible; ``length`` [m] is its segment's."""
+    """Raise FieldError unless ``body`` can exist; ``where`` is its field, ``length`` [m] that of its segment."""
     _check_inertia(body, where)
     volume = float(np.prod(body.size))
     density = body.mass / volume
@@ -52,7 +55,7 @@ def check_body(body: Body, where: str, length: float) -> None:
 
 
 def check_foot(foot: Body) -> None:
-    """Raise FieldError unless the spherical ``foot`` is possible."""
+    """Raise FieldError unless the spherical ``foot`` can exist."""
     _check_inertia(foot, "foot")
     radius = 0.5 * float(foot.size[0])
     if radius == 0.0:

@@ -1,4 +1,4 @@
-"""The documentation of the robot file, printed from the fields that check it, and an example from their examples."""
+"""The documentation of the robot file and an example file, both generated from the fields in ``schema``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pydantic.fields import FieldInfo
 from hexakin.robot.schema import Fields, RobotFields
 
 _INTRODUCTION = """\
-A robot is a YAML file of these fields. A field is needed unless "without it" says what is assumed.
+A robot is a YAML file with these fields. A field is required unless a line "Without it" says what is assumed.
 
-Units are kg, m, rad, s and what is made of them. A key may end in _mm or _deg: its numbers are then converted. Angles
-may be multiples of pi, such as -pi/2. Any value may be written as {value: ..., source: "Table 2"}; a source in a
-mapping holds for everything below it. A field that is not listed here, or is given twice, is an error.
+Units are kg, m, rad, s and units derived from them. Numbers of a key that ends in _mm or _deg are converted. Angles may
+be multiples of pi, such as -pi/2. Any value may be written as {value: ..., source: "Table 2"}; a source in a mapping
+holds for all values below it. A field that is not listed here, or is given twice, is an error.
 
 python -m hexakin robot FILE checks a file; hexakin.load_robot(FILE) loads it."""
 
@@ -28,7 +28,10 @@ def page() -> str:
 
 
 def example(model: type[Fields] = RobotFields) -> dict[str, Any]:
-    """Return the tree of a file, made of the examples of the fields that are needed and of those for all legs."""
+    """Return an example file as nested dicts and lists, for the group of fields ``model``.
+
+    It has the required fields, and the optional fields with values for all legs.
+    """
     tree: dict[str, Any] = {}
     for name, field in model.model_fields.items():
         inner = _model(field)
@@ -38,7 +41,10 @@ def example(model: type[Fields] = RobotFields) -> dict[str, Any]:
 
 
 def paths(model: type[Fields] = RobotFields, path: str = "") -> dict[str, FieldInfo]:
-    """Return every field by its path, those of a list's items under ``<path>.1``."""
+    """Return every field of ``model`` by its path; ``path`` is a prefix.
+
+    Fields of the items of a list have the path ``<path>.1``.
+    """
     found = {}
     for name, field in model.model_fields.items():
         found[f"{path}{name}"] = field
@@ -48,7 +54,7 @@ def paths(model: type[Fields] = RobotFields, path: str = "") -> dict[str, FieldI
     return found
 
 
-def _lines(model: type[Fields], path: str, told: dict[type[Fields], str]) -> Iterator[str]:
+def _lines(model: type[Fields], path: str, described: dict[type[Fields], str]) -> Iterator[str]:
     for name, field in model.model_fields.items():
         extra: Any = field.json_schema_extra or {}
         bounds, inner, where = extra.get("bounds"), _model(field), f"{path}{name}"
@@ -60,17 +66,17 @@ def _lines(model: type[Fields], path: str, told: dict[type[Fields], str]) -> Ite
             yield f"    Without it: {extra['assumed']}."
         if field.examples != [None]:
             yield f"    Example: {_inline(_example(field))}"
-        if inner in told:
-            yield f"    Fields as in {told[inner]}."
+        if inner in described:
+            yield f"    Fields as in {described[inner]}."
         elif inner is not None:
-            told[inner] = where
+            described[inner] = where
             yield f"    {inner.__doc__}"
-            yield from _lines(inner, f"{where}.1." if _is_list(field) else f"{where}.", told)
+            yield from _lines(inner, f"{where}.1." if _is_list(field) else f"{where}.", described)
 
 
 def _inline(value: Any) -> str:
     if isinstance(value, list) and value and isinstance(value[0], dict):
-        value = value[0]  # one of a list's items says what they are
+        value = value[0]  # one item of the list is enough as an example
     return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10_000).strip().removesuffix("\n...")
 
 
@@ -83,7 +89,7 @@ def _is_list(field: FieldInfo) -> bool:
 
 
 def _model(field: FieldInfo) -> type[Fields] | None:
-    """The fields inside a field, or inside each item of its list."""
+    """Return the model of the fields inside a field, or inside each item of its list; None if there is none."""
     for kind in (field.annotation, *get_args(field.annotation)):
         if isinstance(kind, type) and issubclass(kind, Fields):
             return kind

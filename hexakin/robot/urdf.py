@@ -1,4 +1,4 @@
-"""A robot's description as URDF: masses, inertias, joint limits and collision shapes."""
+"""Write a robot as URDF: masses, inertias, joint limits and collision shapes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
 from hexakin.transforms import pose
 
 TORSO = "torso"
-# URDF demands a velocity limit; the papers give none, so it is set far beyond any servo.
+# [rad/s] URDF requires a velocity limit. The papers give none; this value (assumed) is far above that of any servo.
 _UNLIMITED_SPEED = 100.0
 
 
@@ -22,11 +22,11 @@ def to_urdf(robot: Robot) -> str:
 
     Links: ``torso`` and, for leg i = 1..L, ``coxa_i``, ``femur_i``, ``tibia_i`` (boxes) and ``foot_i`` (a
     sphere, fixed to the tibia). Joints: ``<joint name>_i`` in the table's names, about the local z axis. Total mass
-    and foot positions are those of the description. Raises InvalidInputError for a point foot (radius 0), which cannot
-    touch anything in a simulation.
+    and foot positions are those of the description. Raises InvalidInputError if the feet are points (radius 0), because
+    a point cannot touch anything in a simulation.
     """
     if robot.foot_radius == 0.0:
-        raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs feet that can touch")
+        raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs a radius above 0")
     root = ET.Element("robot", name=robot.name)
     _link(root, TORSO, robot.torso, np.eye(4), _box(robot.torso))
     for index in range(robot.num_legs):
@@ -73,7 +73,7 @@ def _link(root: ET.Element, name: str, body: Body, T_link_body: Array, shape: ET
     ET.SubElement(inertial, "inertia", {key: _text(value) for key, value in tensor.items()})
     for kind in ("visual", "collision"):
         element = ET.SubElement(link, kind)
-        # The prism is centred on the segment: on its uniform centre of mass.
+        # The box is centred on the centre of mass.
         _origin(element, T_link_center)
         ET.SubElement(element, "geometry").append(shape)
 

@@ -1,4 +1,4 @@
-"""Support polygon, zero-moment point and stability margins; margins of any contacts; the support region."""
+"""Support polygon, zero-moment point, stability margins and the support region (A(32)-(33) and the literature)."""
 
 from hexakin.stability.polygon import centroid, margin, polygon_margins, support_polygon
 from hexakin.stability.time_series import ZMP, StabilitySeries, series, static_margin, zero_moment_point, zmp

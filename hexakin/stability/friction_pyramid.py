@@ -1,7 +1,7 @@
-"""The pyramid inside a friction cone, by its faces and by its edges; one edge points uphill.
+"""Pyramids inscribed in friction cones, described by their faces or by their edges.
 
-It contains the cone of the friction coefficient mu cos(pi / facets), and holds a vertical force exactly up to the
-friction angle.
+One edge of each pyramid points uphill. A pyramid of ``facets`` sides contains the cone of the friction coefficient
+mu cos(pi / facets), and it holds a vertical force exactly up to the friction angle.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from hexakin.checks import Array
 
 
 def contact_frames(normal: Array) -> Array:
-    """Axes uphill, across and along the normal as columns, (..., 3, 3); on level ground x is uphill."""
+    """Axes of the contact frames (..., 3, 3) as columns: uphill, across, and along the unit ``normal`` (..., 3).
+
+    On level ground the x axis takes the place of the uphill axis.
+    """
     uphill = np.array([0.0, 0.0, 1.0]) - normal[..., 2:] * normal
     level = np.linalg.norm(uphill, axis=-1, keepdims=True) < 1e-9
     across_x = np.array([1.0, 0.0, 0.0]) - normal[..., :1] * normal
@@ -22,7 +25,11 @@ def contact_frames(normal: Array) -> Array:
 
 
 def pyramid_faces(friction: Array, facets: int) -> Array:
-    """Rows (n, facets, 3) of inscribed pyramids: row @ (uphill, across, normal force) <= 0; an edge points uphill."""
+    """Faces (n, facets, 3) of the pyramids inscribed in the cones with the coefficients ``friction`` (n,).
+
+    A contact force f = (uphill, across, normal) lies in the pyramid if ``row @ f <= 0`` for each of its rows. One edge
+    points uphill.
+    """
     angle = (2.0 * np.arange(facets) + 1.0) * np.pi / facets
     height = np.broadcast_to(friction[:, None] * np.cos(np.pi / facets), (len(friction), facets))
     sides = np.broadcast_to([np.cos(angle), np.sin(angle)], (len(friction), 2, facets))
@@ -30,7 +37,10 @@ def pyramid_faces(friction: Array, facets: int) -> Array:
 
 
 def pyramid_edges(friction: Array, facets: int) -> Array:
-    """Edges (n, facets, 3), of unit normal force, as (uphill, across, normal force); the first points uphill."""
+    """Edges (n, facets, 3) of the pyramids inscribed in the cones with the coefficients ``friction`` (n,).
+
+    Each edge is a force (uphill, across, normal) with the normal part 1. The first edge points uphill.
+    """
     angle = 2.0 * np.pi * np.arange(facets) / facets
     around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     edges = np.ones((len(friction), facets, 3))

@@ -11,9 +11,11 @@ from hexakin.exceptions import InvalidInputError
 
 
 def support_polygon(p: ArrayLike) -> Array | None:
-    """Convex hull of feet (k, 2 or 3) [m] seen from above: vertices (m, 2), counter-clockwise.
+    """Support polygon: the convex hull of the feet, seen from above.
 
-    None with fewer than three feet, or with feet on one line: there is no polygon.
+    ``p`` (k, 2) or (k, 3) [m] are the positions of the feet. Returns the vertices (m, 2) [m], counter-clockwise, or
+    None if there is no polygon: with fewer than three feet, or with all feet on one line. Raises InvalidInputError for
+    another shape or a value that is not finite.
     """
     points = np.asarray(p, dtype=float)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
@@ -25,12 +27,12 @@ def support_polygon(p: ArrayLike) -> Array | None:
         hull = ConvexHull(points)
     except QhullError:
         return None
-    # In two dimensions "volume" is the area; a sliver of rounding is no polygon.
+    # In two dimensions "volume" is the area. An area as small as rounding errors counts as no polygon.
     return points[hull.vertices] if hull.volume > 1e-9 * np.ptp(points, axis=0).max() ** 2 else None
 
 
 def centroid(polygon: ArrayLike) -> Array:
-    """Centroid (2,) [m] of the area of a counter-clockwise polygon (m, 2)."""
+    """Centroid (2,) [m] of the area of a ``polygon`` (m, 2) [m], whose vertices are in counter-clockwise order."""
     a = np.asarray(polygon, dtype=float)
     b = np.roll(a, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
@@ -38,9 +40,11 @@ def centroid(polygon: ArrayLike) -> Array:
 
 
 def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
-    """A(33), signed: distance [m] of ``point`` (2,) to the nearest edge, negative outside; NaN without a polygon.
+    """Stability margin A(33): the signed distance [m] of a point to the nearest edge of a polygon.
 
-    ``polygon`` (m, 2) is convex and counter-clockwise, as ``support_polygon`` returns it.
+    ``point`` (2,) [m] is usually the zero-moment point or the projection of the centre of mass. ``polygon`` (m, 2) [m]
+    is convex and counter-clockwise, as ``support_polygon`` returns it. The margin is negative outside the polygon, and
+    NaN if ``polygon`` is None. Raises InvalidInputError for another shape or a value that is not finite.
     """
     if polygon is None:
         return float("nan")
@@ -52,7 +56,7 @@ def margin(point: ArrayLike, polygon: ArrayLike | None) -> float:
 
 
 def margins_in(points: Array, polygon: Array) -> Array:
-    """Margins (n,) of points (n, 2) in one polygon (m, 2)."""
+    """Stability margins A(33), (n,) [m], of ``points`` (n, 2) [m] in one ``polygon`` (m, 2) [m]."""
     edge = np.roll(polygon, -1, axis=0) - polygon
     offset = points[:, None, :] - polygon
     along = np.clip(np.einsum("nij,ij->ni", offset, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
@@ -63,10 +67,12 @@ def margins_in(points: Array, polygon: Array) -> Array:
 
 
 def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) -> Array:
-    """A(33) at many instants: signed distance (n,) [m] of points to the edge of the carrying feet's polygon.
+    """Stability margins A(33) at n instants: signed distances (n,) [m] of points to the edge of the support polygon.
 
-    ``point`` (n, 2) [m], ``p_foot`` (n, L, 2) [m] seen from above, ``carrying`` (n, L). NaN where fewer than three feet
-    carry, or feet in line, or the point is NaN.
+    ``point`` (n, 2) [m] and ``p_foot`` (n, L, 2) [m] are seen from above. ``carrying`` (n, L) bool marks the feet that
+    carry load; they span the polygon. The margin is negative outside the polygon. It is NaN where fewer than three feet
+    carry load, where all of them are on one line, and where the point is NaN. Raises InvalidInputError for shapes that
+    do not fit together and for feet that are not finite.
     """
     feet = check_array("p_foot", p_foot, (2,), ("coordinate",))
     where, carry = np.asarray(point, dtype=float), np.asarray(carrying, dtype=bool)
@@ -77,17 +83,18 @@ def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) ->
 
 
 def centroid_distance_and_margin(point: Array, feet: Array, carrying: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Distance (n,) from points (n, 2) to the centroid of the hull of the carrying (n, L) feet (n, L, 2), and A(33).
+    """Distances of points from the centroid of the support polygon, and stability margins A(33); both (n,) [m].
 
-    NaN where support_polygon has none, or the point is NaN. With a handful of feet it is faster to try every pair as an
-    edge of the hull, at all instants at once, than to build the hulls one by one.
+    ``point`` (n, 2) [m], ``feet`` (n, L, 2) [m], ``carrying`` (n, L) bool, as for ``polygon_margins``. Both results are
+    NaN where ``support_polygon`` would return None or the point is NaN. For six to eight feet it is faster to test
+    every pair of feet as an edge of the hull, at all instants at once, than to build one hull after the other.
     """
     start, way = feet[:, :, None], feet[:, None] - feet[:, :, None]  # the edge i -> j
     offset = (feet[:, None] - feet[:, :, None])[:, :, None]  # from i to k
     side = way[..., None, 0] * offset[..., 1] - way[..., None, 1] * offset[..., 0]
     along = np.einsum("nijc,nimkc->nijk", way, offset)
     squared = np.einsum("nijc,nijc->nij", way, way)[..., None]
-    # Counter-clockwise, every other foot lies to the left of an edge, or between its ends.
+    # A pair of feet is an edge, taken counter-clockwise, if every other foot lies to its left or between its ends.
     between = (np.abs(side) <= 1e-12 * squared) & (along >= 0.0) & (along <= squared)
     pairs = carrying[:, :, None] & carrying[:, None] & ~np.eye(feet.shape[1], dtype=bool)
     edges = pairs & ((side > 1e-12 * squared) | between | ~carrying[:, None, None]).all(axis=-1)

@@ -1,7 +1,8 @@
-"""What of a robot touches the ground where, and stability measures that hold on any contacts.
+"""Contacts of a robot with the ground, and stability margins that are defined for any contacts.
 
-Every measure takes ``Contacts`` and says where it is undefined. The set of places where friction can hold the centre of
-mass is in ``hexakin.support_region``.
+Every function documents where its margin is undefined. The margins come from paper A and from the literature of 1979 to
+2004 that their docstrings name. The positions of the centre of mass that friction can hold are in
+``hexakin.support_region``.
 """
 
 from __future__ import annotations
@@ -26,12 +27,27 @@ _UNIT = 1e-6  # how far from 1 the length of a unit normal may be
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """The k contacts of a robot with the ground, and its weight; any k from 0, in the world with z up.
+    """The k contacts of a robot with the ground, with its centre of mass and its mass; k may be 0.
 
-    ``points`` (k, 3) [m]; ``normals`` (k, 3), unit, out of the ground; ``friction`` (k,), or one number for all;
-    ``center_of_mass`` (3,) [m] of the whole robot; ``mass`` [kg]. With ``torque_rows`` (k, m, 3) [m] and
-    ``torque_bounds`` (k, m) [N m] the joints bear the force f_i of the ground on foot i if
-    ``torque_rows[i] @ f_i <= torque_bounds[i]``. Raises InvalidInputError naming the field and the value.
+    All fields are in the world frame, whose z axis points up. Raises InvalidInputError that names the field and the
+    value. Torque limits as linear inequalities on the contact force are those of R. Orsolino et al., "Feasible region:
+    an actuation-aware extension of the support region", IEEE Trans. Robotics 36(4), 2020.
+
+    Parameters
+    ----------
+    points
+        Positions (k, 3) [m] of the contacts.
+    normals
+        Unit vectors (k, 3) that point out of the ground.
+    friction
+        Coefficients of friction (k,), or one number for all contacts.
+    center_of_mass
+        Centre of mass (3,) [m] of the whole robot.
+    mass
+        Mass [kg] of the whole robot.
+    torque_rows, torque_bounds
+        Torque limits of the joints, or None for both: (k, m, 3) [m] and (k, m) [N m]. The joints can bear the force f_i
+        of the ground on foot i if ``torque_rows[i] @ f_i <= torque_bounds[i]``.
     """
 
     points: Array
@@ -74,7 +90,7 @@ class Contacts:
         return len(self.points)
 
 
-def stance_of(
+def contacts_of(
     robot: Robot,
     T_world_body: ArrayLike,
     q: ArrayLike,
@@ -84,13 +100,28 @@ def stance_of(
     friction: ArrayLike = 0.9,
     torque_limits: bool = False,
 ) -> Contacts:
-    """The stance of a robot at rest in a pose, on the feet that are said to carry.
+    """Contacts of a robot at rest in a given pose, on the feet that are given as carrying load.
 
-    ``T_world_body`` (4, 4), ``q`` (L, 3) [rad], ``carrying`` (L,) bool, ``friction`` one number (that of
-    ``hexakin.simulate`` by default) or (L,). A foot is a sphere that touches where the ground's normal below its centre
-    leads out of it; whether it does touch is not asked. With ``torque_limits`` the torques of the carrying legs'
-    servos at rest, g_leg(q) - J^T f with the Jacobian J of the contact point, stay within ``robot.servo.max_torque``.
-    Swing legs bear only themselves; their torques are not bounded. Raises InvalidInputError for a wrong shape or value.
+    The centre of a foot's sphere lies one foot radius from the contact, along the normal of the ground below the
+    centre. Whether the foot touches the ground is not checked. Raises InvalidInputError for a wrong shape or value. The
+    torque limits are those of Orsolino et al. 2020 (see ``Contacts``).
+
+    Parameters
+    ----------
+    T_world_body
+        Pose (4, 4) of the body in the world.
+    q
+        Joint angles (L, 3) [rad].
+    carrying
+        Which feet carry load, (L,) bool.
+    terrain
+        The ground; its normals are taken at the feet.
+    friction
+        Coefficient of friction: one number (by default that of ``hexakin.simulate``), or one per leg, (L,).
+    torque_limits
+        If True, the result limits the servo torques of the carrying legs at rest to ``robot.servo.max_torque``. These
+        are g_leg(q) - J^T f with the Jacobian J of the contact point. Swing legs carry only their own weight; their
+        torques are not limited.
     """
     from hexakin import dynamics
 
@@ -118,30 +149,32 @@ def stance_of(
     return Contacts((feet + lever)[flags], normals[flags], each[flags], center, robot.mass, rows, bounds)
 
 
-def polygon_margin(stance: Contacts) -> float:
-    """Signed distance [m], seen from above, of the centre of mass to the edge of the support polygon; negative outside.
+def polygon_margin(contacts: Contacts) -> float:
+    """Signed distance [m] of the centre of mass to the edge of the support polygon, seen from above.
 
-    NaN without a polygon, that is with fewer than three contacts or with contacts in line. What the ground's slope,
-    friction and the servos allow is not asked; see ``hexakin.support_region``.
+    This is A(33) with the centre of mass of ``contacts`` in place of the zero-moment point. It is negative outside the
+    polygon, and NaN without a polygon: with fewer than three contacts or with all contacts on one line. The ground's
+    slope, friction and the servos' torques are not taken into account; ``hexakin.support_region`` does that.
     """
-    return margin(stance.center_of_mass[:2], support_polygon(stance.points))
+    return margin(contacts.center_of_mass[:2], support_polygon(contacts.points))
 
 
-def longitudinal_margin(stance: Contacts, heading: float) -> float:
+def longitudinal_margin(contacts: Contacts, heading: float) -> float:
     """The smaller distance [m] from the centre of mass to the polygon's front and rear edge along ``heading``.
 
-    ``heading`` [rad] from the world's x axis; seen from above. Outside the polygon it is negative: the way to go, along
-    the heading or against it, until the centre of mass is above the polygon; -inf if neither leads there. NaN without a
-    polygon, as ``polygon_margin``. McGhee and Iswandhi, "Adaptive locomotion of a multilegged robot over rough
+    ``heading`` [rad] is measured from the world's x axis; the margin of ``contacts`` is seen from above. Outside the
+    polygon it is negative: its size is the distance along the heading, or against it, to the polygon. It is -inf if the
+    line along the heading does not meet the polygon, and NaN without a polygon, as for ``polygon_margin``. McGhee and
+    Iswandhi, "Adaptive locomotion of a multilegged robot over rough
     terrain", IEEE Trans. Systems, Man, and Cybernetics 9(4), 1979.
     """
     angle = check_number("heading", heading, unit="rad")
-    polygon = support_polygon(stance.points)
+    polygon = support_polygon(contacts.points)
     if polygon is None:
         return float("nan")
     edge = np.roll(polygon, -1, axis=0) - polygon
     inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1)[:, None]
-    depth = ((stance.center_of_mass[:2] - polygon) * inward).sum(axis=1)
+    depth = ((contacts.center_of_mass[:2] - polygon) * inward).sum(axis=1)
     rate = inward @ [np.cos(angle), np.sin(angle)]
     along = np.abs(rate) <= 1e-12  # this edge is parallel to the heading
     if (depth[along] < 0.0).any():
@@ -152,9 +185,11 @@ def longitudinal_margin(stance: Contacts, heading: float) -> float:
 
 
 class EnergyMargin(NamedTuple):
-    """``margin`` [m], the least of ``per_edge`` (m,) [m]; NaN and empty where there is no polygon.
+    """Energy margin of contacts (Hirose, Tsukagoshi and Yoneda 1998), as ``energy_margin`` returns it.
 
-    ``edges`` (m, 2) are the contacts (indices from 0) at the ends of each edge, counter-clockwise.
+    ``margin`` [m] is the smallest of ``per_edge`` (m,) [m], the margins of the edges. ``edges`` (m, 2) are the indices
+    (from 0) of the contacts at the ends of each edge, counter-clockwise. Without a polygon ``margin`` is NaN and the
+    arrays are empty.
     """
 
     margin: float
@@ -162,29 +197,30 @@ class EnergyMargin(NamedTuple):
     edges: NDArray[np.int_]
 
 
-def energy_margin(stance: Contacts) -> EnergyMargin:
-    """The least height [m] by which the centre of mass must rise for the robot to tip over an edge of its support.
+def energy_margin(contacts: Contacts) -> EnergyMargin:
+    """The smallest height [m] by which the centre of mass must rise before the robot tips over an edge of its support.
 
-    The edges run in space between the contacts that are neighbours on the support polygon seen from above, level or
-    not; of contacts one above the other the lowest is taken. The robot turns about the edge as one rigid body until its
-    centre of mass stands in the vertical plane through the edge. Where it has passed that plane, the height that it has
-    lost since then counts, negative. NaN without a polygon, as ``polygon_margin``. Weight times height is the energy of
-    Messuri and Klein, "Automatic body regulation for maintaining stability of a legged vehicle during rough-terrain
-    locomotion", IEEE J. Robotics and Automation 1(3), 1985; height alone is the normalised margin of Hirose, Tsukagoshi
-    and Yoneda, "Normalized energy stability margin and its contour of walking vehicles on rough terrain", 1998.
+    The edges connect ``contacts`` that are neighbours on the support polygon seen from above; an edge need not be
+    level. Of contacts at the same horizontal position the lowest is used. The robot turns about the edge as one rigid
+    body until its centre of mass is in the vertical plane through the edge. If the centre of mass is already beyond
+    that plane, the margin is minus the height that it has lost since. NaN without a polygon, as for ``polygon_margin``.
+    Weight times height is the energy of Messuri and Klein, "Automatic body regulation for maintaining stability of a
+    legged vehicle during rough-terrain locomotion", IEEE J. Robotics and Automation 1(3), 1985; height alone is the
+    normalised margin of Hirose, Tsukagoshi and Yoneda, "Normalized energy stability margin and its contour of walking
+    vehicles on rough terrain", 1998.
     """
-    polygon = support_polygon(stance.points)
+    polygon = support_polygon(contacts.points)
     if polygon is None:
         return EnergyMargin(float("nan"), np.empty(0), np.empty((0, 2), dtype=int))
-    above = (stance.points[None, :, :2] == polygon[:, None]).all(axis=2)
-    corner = np.where(above, stance.points[:, 2], np.inf).argmin(axis=1)
+    above = (contacts.points[None, :, :2] == polygon[:, None]).all(axis=2)
+    corner = np.where(above, contacts.points[:, 2], np.inf).argmin(axis=1)
     edges = np.stack([corner, np.roll(corner, -1)], axis=1)
-    start, end = stance.points[edges[:, 0]], stance.points[edges[:, 1]]
+    start, end = contacts.points[edges[:, 0]], contacts.points[edges[:, 1]]
     way = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
-    reach = stance.center_of_mass - start
-    radius = reach - (reach * way).sum(axis=1)[:, None] * way  # from the edge, at a right angle
+    reach = contacts.center_of_mass - start
+    radius = reach - (reach * way).sum(axis=1)[:, None] * way  # perpendicular to the edge
     up = [0.0, 0.0, 1.0] - way[:, 2:] * way
-    # The circle about the edge has its highest point where the radius points along ``up``.
+    # The centre of mass moves on a circle about the edge. It is highest where the radius is parallel to ``up``.
     rise = np.linalg.norm(radius, axis=1) * np.linalg.norm(up, axis=1) - (radius * up).sum(axis=1)
     inside = way[:, 0] * reach[:, 1] - way[:, 1] * reach[:, 0] >= 0.0
     per_edge = np.where(inside, rise, -rise)
@@ -192,7 +228,10 @@ def energy_margin(stance: Contacts) -> EnergyMargin:
 
 
 class PlaneZMP(NamedTuple):
-    """Zero-moment point: ``point`` (..., 3) [m], NaN where not ``defined`` (...): nothing presses on the plane."""
+    """Zero-moment point on a plane (Sardain and Bessonnet 2004), as ``zmp_on_plane`` returns it.
+
+    ``point`` (..., 3) [m] is NaN where ``defined`` (...) bool is False, that is, where no force presses on the plane.
+    """
 
     point: Array
     defined: NDArray[np.bool_]
@@ -201,13 +240,25 @@ class PlaneZMP(NamedTuple):
 def zmp_on_plane(
     points: ArrayLike, forces: ArrayLike, origin: ArrayLike, normal: ArrayLike, moments: ArrayLike | None = None
 ) -> PlaneZMP:
-    """The point of a declared plane about which the moment of all contact forces is parallel to the plane's normal.
+    """Zero-moment point: the point of a plane about which the contacts' total moment is parallel to the plane's normal.
 
-    ``points`` (..., k, 3) [m], ``forces`` (..., k, 3) [N] of the ground on the robot with their tangential parts, and
-    ``moments`` (..., k, 3) [N m] of contacts that bear some; the plane passes through ``origin`` (..., 3) [m] with the
-    unit ``normal`` (..., 3). Undefined where the total force along the normal is not positive. On a level plane and
-    with vertical forces this is A(32). Sardain and Bessonnet, "Forces acting on a biped robot. Center of pressure -
-    zero moment point", IEEE Trans. Systems, Man, and Cybernetics A 34(5), 2004.
+    It is undefined where the total force along the normal is not positive. On a level plane and with vertical forces
+    it is A(32). Sardain and Bessonnet, "Forces acting on a biped robot. Center of pressure - zero moment point", IEEE
+    Trans. Systems, Man, and Cybernetics A 34(5), 2004. Raises InvalidInputError for a wrong shape, a value that is not
+    finite or a normal whose length is not 1.
+
+    Parameters
+    ----------
+    points
+        Contact points (..., k, 3) [m].
+    forces
+        Forces (..., k, 3) [N] of the ground on the robot, tangential parts included.
+    origin
+        A point (..., 3) [m] of the plane.
+    normal
+        Unit vector (..., 3) normal to the plane.
+    moments
+        Moments (..., k, 3) [N m] that the contacts transmit, or None if they transmit none.
     """
     where = check_array("points", points, (3,), ("coordinate",))
     if where.ndim < 2:
@@ -229,7 +280,7 @@ def zmp_on_plane(
 
 
 def _exactly(name: str, value: ArrayLike, shape: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
-    """Check as ``check_array`` does, and that there are no leading axes."""
+    """Check as ``check_array`` does, and check that there are no leading axes."""
     array = check_array(name, value, shape, labels)
     if array.ndim != len(shape):
         raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
@@ -237,8 +288,8 @@ def _exactly(name: str, value: ArrayLike, shape: tuple[int, ...], labels: tuple[
 
 
 def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
-    """Return the values (count,) that are given as one number for all or one by one."""
+    """Return values (count,) that were given as one number for all or as an array (count,)."""
     return _exactly(name, np.full(count, value) if np.ndim(value) == 0 else value, (count,), (label,))
 
 
-__getattr__ = renamed(__name__, {"Stance": ("Contacts", Contacts)})
+__getattr__ = renamed(__name__, {"Stance": ("Contacts", Contacts), "stance_of": ("contacts_of", contacts_of)})

@@ -1,23 +1,25 @@
-"""Where the centre of mass may be for frictional contacts to hold it, on any ground (Bretl and Lall 2008).
+"""Support region: where the centre of mass may be so that frictional contacts hold the robot (Bretl and Lall 2008).
 
 T. Bretl and S. Lall, "Testing static equilibrium for legged robots", IEEE Trans. Robotics 24(4), 2008: at rest the
-contact forces f_i in their friction cones balance the weight m g, and only the horizontal place c of the centre of mass
-enters the balance, never its height. All such c form a convex set. Along one direction its furthest place is a linear
-program; the polygon of the places found lies inside the set, and the lines across the directions enclose it.
+contact forces f_i in their friction cones balance the weight m g. Only the horizontal position c of the centre of mass
+enters the balance, not its height. All such c form a convex set, the support region. Its furthest point along one
+direction is the solution of a linear program. The polygon of the points found lies inside the region; the lines through
+these points, at right angles to their directions, enclose the region.
 
-Each friction cone is replaced by the pyramid of ``facets`` edges on it, one edge of which points uphill as steeply as
-it can. The pyramid lies inside the cone, so that every place found is held by forces within Coulomb's law; it contains
-the cone of the friction coefficient mu cos(pi / facets): 0.98 mu with 16 facets. A vertical force is held exactly up to
-the friction angle.
+Each friction cone is replaced by the inscribed pyramid of ``facets`` edges, one of which points uphill. The pyramid
+lies inside the cone, so that every position found is held by forces within Coulomb's law. It contains the cone of the
+friction coefficient mu cos(pi / facets): 0.98 mu with 16 facets. A vertical force is held exactly up to the friction
+angle.
 
-With ``torque_limits`` the stance's inequalities on each force are kept too. They belong to one pose of the legs, and
-hold for other places of the centre of mass only as far as these leave Jacobians and weights of the legs as they are
+With ``torque_limits`` the torque inequalities of the contacts apply too. They belong to one pose of the legs. For other
+positions of the centre of mass they hold only while the Jacobians and the weights of the legs stay the same
 (R. Orsolino et al., "Feasible region: an actuation-aware extension of the support region", IEEE Trans. Robotics 36(4),
 2020).
 """
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,25 +36,26 @@ from hexakin.stability.polygon import margin, support_polygon
 from hexakin.stability.stance import Contacts
 
 FACETS = 16
-"""Edges of the pyramid in each friction cone: at worst 2 % of the friction coefficient are given away.
+"""Number of edges of the pyramid in each friction cone. At worst, the pyramid loses 2 % of the friction coefficient.
 
-On random uneven contacts of a standing ATHENA's width the region's edge then lies 0.1 mm too far inside on average and
-5 mm at the most, compared with 192 facets; the error falls with the square of their number.
+For random uneven contacts as wide as a standing ATHENA, the region's edge then lies 0.1 mm too far inside on average
+and 5 mm at most, compared with 192 facets. The error falls with the square of the number.
 """
 
 REACH = 10.0
-"""How far [m] from the contacts' mean places are looked for: twenty times the width of a standing ATHENA."""
+"""Distance [m] from the mean of the contacts up to which the region is computed: twenty times ATHENA's width."""
 
-_FEASIBILITY = 1e-10  # the least that HiGHS accepts
-_BALANCE = 1e-9  # [weights] what may be missing from the balance: a force in or out of a cone's edge by rounding
-_ROUNDS = 60  # each halves what is open at the least; few are ever needed
+_FEASIBILITY = 1e-10  # the smallest tolerance that HiGHS accepts
+_BALANCE = 1e-9  # [weights] largest residual of a balance: rounding errors put a force just outside its cone
+_ROUNDS = 60  # each round at least halves the largest open distance; a few rounds are enough
 
 
 class Support(NamedTuple):
-    """Furthest places of the centre of mass: ``point`` (..., 2) [m], at ``distance`` (...) [m] along the directions.
+    """Furthest positions of the centre of mass along given directions, as ``support`` returns them.
 
-    The distance counts from the world's origin; -inf, and NaN for the point, where not ``defined`` (...), that is where
-    there is no place at all.
+    ``point`` (..., 2) [m] are the positions, and ``distance`` (...) [m] their distances along the directions from the
+    world's origin. ``defined`` (...) bool is False where the region is empty; there ``distance`` is -inf and ``point``
+    NaN.
     """
 
     distance: Array
@@ -62,11 +65,16 @@ class Support(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SupportRegion:
-    """Places of the centre of mass, seen from above, that contact forces can hold at rest.
+    """Positions of the centre of mass, seen from above, that contact forces can hold at rest.
 
-    ``vertices`` (m, 2) [m], counter-clockwise, of a polygon inside the region and nowhere further than the tolerance
-    from its edge; two of a segment, one of a point, none if ``empty``. ``cut``: the region goes on further than was
-    looked, as it does without end between walls that the feet can press apart, and the polygon ends there.
+    Parameters
+    ----------
+    vertices
+        Vertices (m, 2) [m], counter-clockwise, of a polygon inside the region. Its edge is nowhere further from the
+        region's edge than the tolerance. A segment has two vertices, a point one, and an empty region none.
+    cut
+        True if the region extends beyond ``reach``, where the polygon ends. Between two walls that the feet can press
+        apart, for example, the region is unbounded.
     """
 
     vertices: Array
@@ -77,14 +85,15 @@ class SupportRegion:
 
     @property
     def empty(self) -> bool:
-        """Whether there is no place at all."""
+        """Whether no position of the centre of mass can be held."""
         return len(self.vertices) == 0
 
-    def margin(self, point: ArrayLike) -> float:
-        """Signed distance [m] of ``point`` (2,) to the region's edge, negative outside.
+    def region_margin_at(self, point: ArrayLike) -> float:
+        """Signed distance [m] of ``point`` (2,) [m] to the region's edge, negative outside.
 
-        A segment or a point has no inside: 0 on it, negative off it. -inf if the region is empty. Where the region is
-        cut, the distance to the cut counts as well, so that there may be more room than this.
+        A segment or a single point has no inside: the margin is 0 on it and negative elsewhere. It is -inf if the
+        region is empty. If the region is cut, the distance to the cut counts as well, so that the true margin may be
+        larger. Raises InvalidInputError for another shape or a value that is not finite.
         """
         p = check_array("point", point, (2,), ("coordinate",))
         if p.shape != (2,):
@@ -97,23 +106,41 @@ class SupportRegion:
         share = np.clip((p - start) @ way / (way @ way), 0.0, 1.0) if way.any() else 0.0
         return 0.0 - float(np.linalg.norm(p - start - share * way))
 
+    def margin(self, point: ArrayLike) -> float:
+        """Old name of ``region_margin_at``: the margin [m] of ``point`` (2,) [m], with a DeprecationWarning."""
+        warnings.warn("SupportRegion.margin is now called region_margin_at", DeprecationWarning, stacklevel=2)
+        return self.region_margin_at(point)
+
 
 def support_region(
-    stance: Contacts,
+    contacts: Contacts,
     *,
     torque_limits: bool = False,
     facets: int = FACETS,
     tolerance: float = 1e-6,
     reach: float = REACH,
 ) -> SupportRegion:
-    """The support region of a stance within ``reach`` [m] of the contacts' mean, to ``tolerance`` [m].
+    """Support region of contacts: the positions of the centre of mass, seen from above, that they can hold at rest.
 
-    Raises InvalidInputError for torque limits that the stance does not have or a value out of its range, SolverError
-    if a linear program is not solved: the region is called empty only on the solution of one, which shows how much
-    of the balance stays missing.
+    Raises InvalidInputError for ``torque_limits`` without torque limits in ``contacts`` and for a value out of its
+    range. Raises SolverError if a linear program is not solved: the region is reported as empty only if a solved linear
+    program shows that a part of the balance remains missing.
+
+    Parameters
+    ----------
+    contacts
+        The contacts, with normals, friction and, where needed, torque limits.
+    torque_limits
+        Whether the torque limits of ``contacts`` apply.
+    facets
+        Number of edges of the pyramid in each friction cone.
+    tolerance
+        Largest distance [m] between the edges of the polygon and of the region.
+    reach
+        Distance [m] from the mean of the contacts, along x and along y, up to which the region is computed.
     """
     check_number("tolerance", tolerance, at_least=1e-8, unit="m")
-    balance = _balance(stance, torque_limits, facets, reach)
+    balance = _balance(contacts, torque_limits, facets, reach)
     if balance is None:
         return SupportRegion(np.empty((0, 2)), False)
     angle = np.arange(8) * np.pi / 4.0
@@ -133,39 +160,43 @@ def support_region(
 
 
 def region_margin(
-    stance: Contacts,
+    contacts: Contacts,
     *,
     torque_limits: bool = False,
     facets: int = FACETS,
     tolerance: float = 1e-6,
     reach: float = REACH,
 ) -> float:
-    """Signed distance [m] of the centre of mass, seen from above, to the edge of its support region.
+    """Signed distance [m] of the centre of mass of ``contacts``, seen from above, to the edge of their support region.
 
-    Options and errors as for ``support_region``; see ``SupportRegion.margin`` for regions that are no polygon.
+    ``torque_limits``, ``facets``, ``tolerance`` [m] and ``reach`` [m] as well as the errors are those of
+    ``support_region``. For regions that are not polygons see ``SupportRegion.region_margin_at``.
     """
-    region = support_region(stance, torque_limits=torque_limits, facets=facets, tolerance=tolerance, reach=reach)
-    return region.margin(stance.center_of_mass[:2])
+    region = support_region(contacts, torque_limits=torque_limits, facets=facets, tolerance=tolerance, reach=reach)
+    return region.region_margin_at(contacts.center_of_mass[:2])
 
 
 def support(
-    stance: Contacts,
+    contacts: Contacts,
     direction: ArrayLike,
     *,
     torque_limits: bool = False,
     facets: int = FACETS,
     reach: float = REACH,
 ) -> Support:
-    """The support region's furthest places along ``direction`` (..., 2), of any length but 0.
+    """Furthest points of the support region of ``contacts`` along each ``direction``.
 
-    Options and errors as for ``support_region``. All directions make one linear program.
+    ``direction`` (..., 2) are vectors in the horizontal plane, in any unit; only their directions matter. The options
+    ``torque_limits``, ``facets`` and ``reach`` [m] are those of ``support_region``. All directions are solved as one
+    linear program. Raises InvalidInputError for a direction of length 0; the other errors are those of
+    ``support_region``.
     """
     way = check_array("direction", direction, (2,), ("coordinate",))
     length = np.linalg.norm(way, axis=-1, keepdims=True)
     if (length == 0.0).any():
         raise InvalidInputError("direction: its length is 0, expected more")
     unit = way / length
-    balance = _balance(stance, torque_limits, facets, reach)
+    balance = _balance(contacts, torque_limits, facets, reach)
     if balance is None:
         shape = unit.shape[:-1]
         return Support(np.full(shape, -np.inf), np.full(unit.shape, np.nan), np.zeros(shape, dtype=bool))
@@ -175,9 +206,10 @@ def support(
 
 @dataclass(frozen=True, eq=False)
 class _Balance:
-    """Equal @ x = right, upper @ x <= limit, and bounds, for x: the place (2), then a force along each pyramid edge.
+    """Conditions of rest as a linear program: equal @ x = right, upper @ x <= limit, and bounds on x.
 
-    Places count from ``center`` (2,) [m] in units of ``length`` [m], forces in weights: all rows are of order 1.
+    x holds the position (2) of the centre of mass and then one force along each pyramid edge. The position is measured
+    from ``center`` (2,) [m] in units of ``length`` [m], and forces in weights, so that all rows are of order 1.
     """
 
     equal: Array
@@ -189,7 +221,7 @@ class _Balance:
     length: float
 
     def furthest(self, across: Array) -> Array:
-        """Furthest places (d, 2) [m] in directions (d, 2): separate problems, solved as one to save overhead."""
+        """Furthest positions (d, 2) [m] along directions (d, 2): separate problems, solved as one to save overhead."""
         count, width = len(across), self.equal.shape[1]
         cost = np.zeros((count, width))
         cost[:, :2] = -across
@@ -202,20 +234,20 @@ class _Balance:
         return self.center + self.length * x.reshape(count, width)[:, :2]
 
 
-def _balance(stance: Contacts, torque_limits: bool, facets: int, reach: float) -> _Balance | None:
-    """The conditions of rest, with rounding taken out of the way; None if they contradict each other."""
+def _balance(contacts: Contacts, torque_limits: bool, facets: int, reach: float) -> _Balance | None:
+    """Conditions of rest, relaxed by the rounding errors of one solution; None if they contradict each other."""
     check_whole("facets", facets, at_least=3)
     check_number("reach", reach, above=0.0, unit="m")
-    if torque_limits and stance.torque_rows is None:
-        raise InvalidInputError("torque_limits: the stance has none; expected torque_rows and torque_bounds")
-    k = stance.num_contacts
+    if torque_limits and contacts.torque_rows is None:
+        raise InvalidInputError("torque_limits: the contacts have none; expected torque_rows and torque_bounds")
+    k = contacts.num_contacts
     if k == 0:
         return None
-    mean = stance.points.mean(axis=0)
-    arm = stance.points - mean
+    mean = contacts.points.mean(axis=0)
+    arm = contacts.points - mean
     length = float(np.linalg.norm(arm, axis=1).max()) or 1.0
-    # In the world's axes, (k, facets, 3).
-    force = pyramid_edges(stance.friction, facets) @ np.swapaxes(contact_frames(stance.normals), -1, -2)
+    # Forces along the pyramid edges, in the world frame, (k, facets, 3).
+    force = pyramid_edges(contacts.friction, facets) @ np.swapaxes(contact_frames(contacts.normals), -1, -2)
     moment = np.cross(arm[:, None] / length, force)
     width = 2 + k * facets
     equal, right = np.zeros((6, width)), np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -223,15 +255,15 @@ def _balance(stance: Contacts, torque_limits: bool, facets: int, reach: float) -
     # The weight's moment about the mean: c x (0, 0, -1) = (-c_y, c_x, 0).
     equal[3, 1], equal[4, 0] = -1.0, 1.0
     upper, limit = np.zeros((0, width)), np.zeros(0)
-    if torque_limits and stance.torque_rows is not None and stance.torque_bounds is not None:
-        size = np.linalg.norm(stance.torque_rows, axis=2)
+    if torque_limits and contacts.torque_rows is not None and contacts.torque_bounds is not None:
+        size = np.linalg.norm(contacts.torque_rows, axis=2)
         size = np.where(size > 0.0, size, 1.0)
-        rows = np.einsum("imc,ifc->imf", stance.torque_rows / size[..., None], force)
+        rows = np.einsum("imc,ifc->imf", contacts.torque_rows / size[..., None], force)
         upper = np.hstack([np.zeros((rows[..., 0].size, 2)), block_diag(list(rows)).toarray()])
-        limit = (stance.torque_bounds / size).ravel() / (stance.mass * GRAVITY)
+        limit = (contacts.torque_bounds / size).ravel() / (contacts.mass * GRAVITY)
     bound = np.tile([0.0, np.inf], (width, 1))
     bound[:2] = np.array([-reach, reach]) / length
-    # The least that is missing from the balance has always a solution, whatever the contacts.
+    # Minimise the residual of the balance: this problem always has a solution, whatever the contacts.
     n, m = len(equal), len(upper)
     x = _solved(
         np.r_[np.zeros(width), np.ones(2 * n + m)],
@@ -246,7 +278,7 @@ def _balance(stance: Contacts, torque_limits: bool, facets: int, reach: float) -
 
 
 def _solved(cost: Array, equal: tuple, upper: tuple, bound: Array) -> Array:
-    """The solution of a linear program known to have one; HiGHS is asked again, in other ways, if it gives up."""
+    """Solution of a linear program that is known to have one; if HiGHS fails, its other methods are tried."""
     accuracy = {"primal_feasibility_tolerance": _FEASIBILITY, "dual_feasibility_tolerance": _FEASIBILITY}
     for method, presolve in (("highs-ds", False), ("highs-ds", True), ("highs-ipm", True)):
         options = {**accuracy, "presolve": presolve}
@@ -257,10 +289,11 @@ def _solved(cost: Array, equal: tuple, upper: tuple, bound: Array) -> Array:
 
 
 def _open_edges(point: Array, across: Array) -> tuple[Array, Array]:
-    """How far the region may yet reach over each edge of the polygon ``point`` (n, 2) found in directions ``across``.
+    """How far the region may extend beyond each edge of the polygon ``point`` (n, 2), found in directions ``across``.
 
-    Returns the edges' outward normals (n, 2) and heights (n,) [m]: at each end the region stays behind the line across
-    its direction, and the height is that of the triangle between these lines and the edge.
+    Returns the outward normals (n, 2) of the edges and the heights (n,) [m]. At each vertex the region lies behind the
+    line at right angles to the vertex's direction. The height is that of the triangle between the lines of the two ends
+    and the edge.
     """
     way, following = np.roll(point, -1, axis=0) - point, np.roll(across, -1, axis=0)
     size = np.linalg.norm(way, axis=1)
@@ -271,11 +304,12 @@ def _open_edges(point: Array, across: Array) -> tuple[Array, Array]:
 
 
 def _sine(a: Array, b: Array) -> Array:
+    """Sines (n,) of the angles from unit vectors ``a`` (n, 2) to ``b`` (n, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _vertices(point: Array, apart: float) -> Array:
-    """Corners of the hull of points (n, 2), those closer than ``apart`` [m] to another taken as one."""
+    """Vertices of the hull of points (n, 2); points closer than ``apart`` [m] to each other count as one."""
     kept: list[Array] = []
     for p in point:
         if all(np.linalg.norm(p - other) > apart for other in kept):

@@ -16,18 +16,19 @@ from hexakin.stability.polygon import centroid_distance_and_margin, margins_in, 
 
 
 class ZMP(NamedTuple):
-    """Zero-moment point: ``xy`` (..., 2) [m], NaN where not ``defined`` (...), that is, where no foot carries."""
+    """Zero-moment point A(32): ``xy`` (..., 2) [m], NaN where ``defined`` (...) bool is False: no foot is loaded."""
 
     xy: Array
     defined: NDArray[np.bool_]
 
 
 def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
-    """A(32): the mean of the feet weighted by their normal forces.
+    """Zero-moment point A(32): the mean of the foot positions, weighted by the normal forces.
 
-    ``p_foot`` (..., L, 2 or 3) [m], ``foot_force`` (..., L) [N], not negative; the result is in the frame of
-    ``p_foot``. As a convex combination it cannot leave the hull of the loaded feet, and it leaves out any
-    force on the torso, so that it means nothing while the torso drags.
+    ``p_foot`` (..., L, 2) or (..., L, 3) [m] are the positions of the feet, and ``foot_force`` (..., L) [N] their
+    normal forces. The result is in the frame of ``p_foot``. As a convex combination it cannot leave the hull of the
+    loaded feet. It does not include forces on the torso, so that it is not valid while the torso touches the ground.
+    Raises InvalidInputError for a wrong shape and for a negative force.
     """
     feet = np.asarray(p_foot, dtype=float)
     if feet.ndim < 2 or feet.shape[-1] not in (2, 3):
@@ -46,36 +47,45 @@ def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
 
 
 def zmp(recording: Recording) -> ZMP:
-    """A(32) at every tick of a recording, (n, 2) [m] in the body frame (x to the right for ATHENA)."""
+    """Zero-moment point A(32), (n, 2) [m], of every tick of a ``recording``, in the body frame (ATHENA's x: right)."""
     return zero_moment_point(recording.p_body_foot, recording.foot_force)
 
 
 def static_margin(plan: WalkPlan) -> Array:
-    """Signed distance (n,) [m] of the body's origin, seen from above, to the edge of the carrying feet.
+    """Signed distance (n,) [m] of the body's origin to the edge of the support polygon of a ``plan``, seen from above.
 
-    For a slow walk, whose support must hold the body at every instant; the origin stands for the centre of mass.
-    At a phase change the feet before it and the feet after it must both hold: the smaller margin counts.
-    NaN where fewer than three feet carry, or feet in line.
+    It is meant for slow walks, in which the feet must hold the body at rest at every instant. The origin takes the
+    place of the centre of mass, and the distance is computed as A(33). At a phase change the feet before it and the
+    feet after it must both hold the body, so that the smaller margin counts. NaN where fewer than three feet carry
+    load, or where all of them are on one line.
     """
     origin, result = plan.T_world_body[:, :2, 3], np.full(len(plan.time), np.inf)
-    held = plan.stance[1:] & plan.stance[:-1]  # the feet that carry from one sample to the next
+    held = plan.stance[1:] & plan.stance[:-1]  # the feet in stance from one sample to the next
     feet = np.where(held[..., None], plan.p_world_foot[1:, :, :2], np.inf)
     starts = np.flatnonzero(np.r_[True, (feet[1:] != feet[:-1]).any(axis=(1, 2))])
     for start, end in zip(starts, np.r_[starts[1:], len(feet)], strict=True):
         polygon = support_polygon(plan.p_world_foot[start + 1, held[start]])
         span = slice(start, end + 1)
         margins = np.full(end + 1 - start, np.nan) if polygon is None else margins_in(origin[span], polygon)
-        result[span] = np.minimum(result[span], margins)  # NaN wins
+        result[span] = np.minimum(result[span], margins)  # NaN if one of the two is NaN
     return result
 
 
 @dataclass(frozen=True)
 class StabilitySeries:
-    """Stability at every tick of a recording, (n,) each.
+    """Stability at every tick of a recording (A Figs 18-19), as ``series`` returns it.
 
-    ``centroid_distance`` and ``margin`` [m] are NaN where not ``defined``: fewer than three feet or feet in
-    line, or no foot loaded. ``body_touches`` marks ticks in which the torso or a limb carries too, where A(32)
-    leaves out a force; leave these out of statistics.
+    Parameters
+    ----------
+    centroid_distance
+        Distance (n,) [m] from the zero-moment point to the centroid of the support polygon; NaN where not ``defined``.
+    margin
+        Stability margin A(33), (n,) [m]; NaN where not ``defined``.
+    defined
+        False where no foot is loaded, or where fewer than three feet or feet on one line span no polygon; (n,) bool.
+    body_touches
+        True where the torso or a limb touches the ground, (n,) bool. There A(32) lacks a force; leave these ticks out
+        of statistics.
     """
 
     centroid_distance: Array
@@ -85,10 +95,11 @@ class StabilitySeries:
 
 
 def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -> StabilitySeries:
-    """Distance from the ZMP to the support polygon's centroid and stability margin (A Figs 18-19).
+    """Distance from the zero-moment point to the polygon's centroid and stability margin at every tick (A Figs 18-19).
 
-    The polygon is of the ``"loaded"`` feet, which the ZMP of A(32) cannot leave, or of the feet that are
-    commanded to be in ``"stance"``, which it can.
+    ``recording`` is a recorded walk with n ticks. ``feet`` selects the feet that span the polygon. The zero-moment
+    point of A(32) cannot leave the polygon of the ``"loaded"`` feet; it can leave that of the feet that are commanded
+    to be in ``"stance"``. Raises UnknownNameError for another value of ``feet``.
     """
     if feet not in ("loaded", "stance"):
         raise UnknownNameError("feet", feet, ["loaded", "stance"])
@@ -96,7 +107,7 @@ def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -
     if feet == "loaded":
         carrying = recording.foot_force > 0.0
     else:
-        # The forces of row k were measured under the command of row k - 1.
+        # The forces in row k were measured while the command of row k - 1 was carried out.
         carrying = np.vstack([recording.stance[:1], recording.stance[:-1]])
     distance, edge = centroid_distance_and_margin(point.xy, recording.p_body_foot[..., :2], carrying)
     touches = (recording.torso_force > 0.0) | (recording.limb_force > 0.0)

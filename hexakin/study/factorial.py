@@ -1,4 +1,4 @@
-"""What each factor of a full factorial study does, alone and with others, and where one setting stands among all."""
+"""Analysis of full factorial studies: the effects of factors and interactions, and the rank of one setting."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from hexakin.exceptions import InvalidInputError
 
 
 def cells(table: pd.DataFrame, measure: str, factors: Sequence[str]) -> Array:
-    """Values of a full factorial study by the factors' levels and repeat: (levels of each factor ..., repeats).
+    """Return the values of a full factorial study as an array (levels of each factor ..., repeats).
 
-    Repeats are told apart by ``seed`` and ``layout``; runs that failed are NaN. Raises InvalidInputError for a
-    combination without any run, for one given twice, and for a column that is not there.
+    ``table`` is the study's table, ``measure`` the name of the column with the values (in its unit), and ``factors``
+    the names of the factors' columns. A repeat is a pair of ``seed`` and ``layout``; runs that failed are NaN. Raises
+    InvalidInputError for a combination of levels without any run, a run given twice, or a missing column.
     """
     missing = [name for name in (*factors, measure, "seed", "layout", "status") if name not in table]
     if missing:
@@ -37,11 +38,13 @@ def cells(table: pd.DataFrame, measure: str, factors: Sequence[str]) -> Array:
 
 
 def variance_shares(values: ArrayLike, factors: Sequence[str]) -> dict[str, float]:
-    """Shares of the variance over all runs that each factor and each interaction explains; they add up to 1.
+    """Return the share of the variance over all runs that each factor and each interaction explains; the sum is 1.
 
-    ``values`` (levels of each factor ..., repeats). The analysis of variance of a balanced design: an effect is what
-    the mean over all other factors leaves when the effects of fewer factors are taken off. Keys are ``"a"``,
-    ``"a, b"``, ...; ``"repeats"`` is what differs between runs of one setting. Missing runs (NaN) are passed over.
+    ``values`` (levels of each factor ..., repeats) may have any unit; ``factors`` are the names of the factors. This is
+    the analysis of variance of a balanced design: an effect is the mean over all other factors minus the effects of
+    fewer factors. Keys are ``"a"``, ``"a, b"``, ...; ``"repeats"`` is the share of the differences between runs of one
+    setting. Missing runs (NaN) are ignored. Raises InvalidInputError if the shape does not fit the factors or a setting
+    has no value.
     """
     data = np.asarray(values, dtype=float)
     if data.ndim != len(factors) + 1:
@@ -66,9 +69,10 @@ def variance_shares(values: ArrayLike, factors: Sequence[str]) -> dict[str, floa
 
 
 def standing(costs: Mapping[str, ArrayLike], setting: tuple[int, ...]) -> dict[str, int]:
-    """Where one setting stands among all: for each cost, how many settings are better, and how many in every cost.
+    """Return how many settings are better than one setting: for each cost, and for all costs together ("in all").
 
-    ``costs`` are arrays (levels of each factor ...) of which less is better; ``setting`` is the index of the one.
+    ``costs`` are arrays (levels of each factor ...) by name, in any unit; a smaller cost is better. ``setting`` is the
+    index of the one setting.
     """
     better = {name: np.asarray(cost) < np.asarray(cost)[setting] for name, cost in costs.items()}
     counted = {name: int(is_better.sum()) for name, is_better in better.items()}

@@ -1,4 +1,4 @@
-"""A journal that survives its writer: one record a line, each with a checksum, appended and flushed to the disk."""
+"""A journal that is safe if its writer is killed: one record per line with a checksum, written to disk at once."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from hexakin.exceptions import StudyError
 
 _FORMAT = "hexakin-journal-1"
 
-KEPT = "what was finished is kept, and the same call goes on from there"
+KEPT = "finished runs are kept; repeat the same call to continue"
 
 
 class Journal:
     """Records (JSON objects) in a file that only grows.
 
-    ``records`` are those in the file. A line that is not whole (its writer was killed, or the disk was full) or not
-    what was written is dropped on opening and counted in ``dropped``. Use as a context manager, inside ``alone``.
+    ``path`` is the file. The attribute ``records`` has all records of the file. A line that is incomplete (its writer
+    was killed, or the disk was full) or damaged is deleted on opening; ``dropped`` counts these lines. Use a journal as
+    a context manager, inside ``alone``.
 
-    Raises StudyError for a file of another kind, which is left as it is, or one that cannot be written.
+    Raises StudyError for a file of another kind, which is not changed, and for a file that cannot be written.
     """
 
     def __init__(self, path: Path):
@@ -47,18 +48,18 @@ class Journal:
             raise
 
     def append(self, record: Mapping[str, Any]) -> None:
-        """Add a record; it is on the disk when this returns, or nothing of it is and StudyError is raised."""
+        """Write ``record`` to the disk; if this fails, nothing of it is in the file and StudyError is raised."""
         self._write(_line(record))
         self.records.append(dict(record))
 
     def _write(self, line: bytes) -> None:
         end = os.fstat(self._file.fileno()).st_size
         try:
-            while line:  # a disk that fills up takes a part, and says why at the next
+            while line:  # a full disk first accepts a part of a line; the next write raises the error
                 line = line[self._file.write(line) :]
             os.fsync(self._file.fileno())
         except OSError as error:
-            with contextlib.suppress(OSError):  # what then stays of the line is dropped by the next reader
+            with contextlib.suppress(OSError):  # the next reader drops the rest of the line
                 os.ftruncate(self._file.fileno(), end)
             raise StudyError(f"{self.path}: {error.strerror or error}; {KEPT}") from error
 
@@ -71,10 +72,10 @@ class Journal:
 
 @contextlib.contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep other processes from the file ``path``, whose folder is made if it is missing, and those beside it.
+    """Lock the file ``path`` (and the study's files beside it) against other processes; create its folder if missing.
 
-    Raises StudyError if another process does so, or if nothing can be written there. The lock of a process that was
-    killed is gone with it.
+    Raises StudyError if another process holds the lock, or if the folder cannot be written. When a process is killed,
+    its lock ends.
     """
     lock = FileLock(path.with_name(path.name + ".lock"))
     try:
@@ -93,9 +94,9 @@ def alone(path: Path) -> Iterator[None]:
 
 
 def read(path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Records of a journal and the number of lines that are not whole; none of either if there is no file.
+    """Return the records of the journal ``path`` and the number of incomplete or damaged lines.
 
-    Raises StudyError for a file that is no journal.
+    If there is no file, there are no records and no such lines. Raises StudyError for a file that is not a journal.
     """
     try:
         data = path.read_bytes()
@@ -107,7 +108,7 @@ def read(path: Path) -> tuple[list[dict[str, Any]], int]:
     found = [_record(line) for line in lines]
     records = [record for record in found if record is not None]
     is_journal = records and records[0].get("format", _FORMAT) == _FORMAT
-    # A writer killed at once leaves the beginning of the first line and nothing else.
+    # If the writer was killed at once, the file has only the beginning of the first line.
     if not is_journal and not _line({"format": _FORMAT}).startswith(data):
         raise StudyError(f"{path}: not a hexakin journal (expected format {_FORMAT})")
     dropped = len(found) - len(records) + bool(rest)
@@ -115,7 +116,7 @@ def read(path: Path) -> tuple[list[dict[str, Any]], int]:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all. Raises StudyError."""
+    """Write ``data`` to the file ``path``, completely or not at all; raises StudyError if it cannot be written."""
     temporary = path.with_name(path.name + ".part")
     try:
         with open(temporary, "wb") as stream:
@@ -130,7 +131,11 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def set_aside(paths: Sequence[Path]) -> None:
-    """Rename files that belong together, so that none is lost: ``.1.old``, or the next number that all have free."""
+    """Rename the files ``paths``, which belong together, so that none is overwritten.
+
+    The new names end in ``.1.old``, or in the next number for which no file exists. Raises StudyError if a file cannot
+    be renamed.
+    """
     for number in itertools.count(1):
         aside = [path.with_name(f"{path.name}.{number}.old") for path in paths]
         if not any(path.exists() for path in aside):
@@ -140,7 +145,7 @@ def set_aside(paths: Sequence[Path]) -> None:
             if old.exists():
                 os.replace(old, new)
     except OSError as error:
-        raise StudyError(f"{old}: cannot be set aside ({error.strerror or error})") from error
+        raise StudyError(f"{old}: cannot be renamed ({error.strerror or error})") from error
 
 
 def _unwritable(path: Path, error: OSError) -> StudyError:
@@ -153,6 +158,6 @@ def _line(record: Mapping[str, Any]) -> bytes:
 
 
 def _record(line: bytes) -> dict[str, Any] | None:
-    """A line's record, None if the line is not what was written."""
+    """Return the record of a line; None if the line is incomplete or damaged."""
     checksum, _, text = line.partition(b" ")
     return json.loads(text) if checksum == b"%08x" % zlib.crc32(text) else None

@@ -1,7 +1,7 @@
-"""Studies: many independent runs, in parallel and resumable, in one tidy table.
+"""Studies: many independent runs in parallel, which can be interrupted and continued, with one table of results.
 
-A study is a function and the arguments it is to be called with. ``run`` calls it on every processor, keeps each result
-in a journal as soon as it is there, and returns one row per call. Killed and started again, it goes on from there.
+A study is a function and the arguments of its calls. ``run`` makes the calls on all processor cores, writes each result
+to a journal as soon as it is finished, and returns one row per call. If it is killed, the next call continues.
 """
 
 from __future__ import annotations
@@ -42,20 +42,21 @@ except ImportError as error:
 class Study:
     """A function and the arguments of its calls.
 
-    Raises InvalidInputError for a run whose names differ from the first's or are the table's own, or whose values are
-    not plain.
+    Raises InvalidInputError if the name or trial is not valid, if there is no run, or for a run whose argument names
+    differ from those of the first run, are names of the table's own columns, or whose values are not plain.
 
     Parameters
     ----------
     name
-        Names the result files.
+        The study's name; the result files have this name.
     trial
-        Called with each run's arguments by keyword; returns the measured values by name (numbers, strings, None), the
-        same names every time. It must be importable or picklable, and depend on nothing but its arguments.
-        A SimulationError that it raises is a result: the row's ``status`` says it, its values are missing.
+        Function that is called with each run's arguments as keywords. It returns measured values by name (numbers,
+        strings, None), with the same names every time. It must be importable or picklable, and depend only on its
+        arguments. If it raises SimulationError, this is a result: the error is in the row's ``status``, and the values
+        are missing.
     runs
         Arguments of each call: mappings with the same names, of plain values (finite numbers, strings, booleans, None).
-        Equal ones are called once; 1 and 1.0 are equal.
+        Equal runs are made only once; 1 and 1.0 are equal.
     """
 
     name: str
@@ -88,7 +89,7 @@ class Study:
 
 
 def grid(**levels: Iterable[Scalar] | Scalar) -> list[dict[str, Scalar]]:
-    """Every combination of the levels of each argument, the last changing fastest; a single value is one level."""
+    """Return all combinations of the ``levels`` of each argument, the last changing fastest; one value is one level."""
     lists = [[v] if isinstance(v, str) or not isinstance(v, Iterable) else list(v) for v in levels.values()]
     return [dict(zip(levels, values, strict=True)) for values in itertools.product(*lists)]
 
@@ -101,21 +102,32 @@ def run(
     progress: bool = True,
     restart: bool = False,
 ) -> pd.DataFrame:
-    """Make the runs that are not in ``folder`` yet and return the table of all of them.
+    """Make all runs of ``study`` that are missing in ``folder``, and return the table of all runs.
 
     The table has one row per run, in the order of ``study.runs``: its arguments, ``status`` ("ok" or the error's text),
-    what the trial returned, and ``wall_time`` [s]. ``folder``, made if it is missing, gets ``<name>.journal``, one line
-    for each finished run; and, when all are, ``<name>.csv``, the table, and ``<name>.json``, which says what made it:
-    the call, versions, code and machines.
+    the values that the trial returned, and ``wall_time`` [s].
 
-    ``jobs`` are processes, by default one for each core. Inside ``joblib.parallel_config``, say of "dask", the runs go
-    where it says. ``progress`` shows how far it is, with the remaining time, on stderr. An interrupted study
-    goes on when it is called again; nothing that was finished is lost or made again. Results of other code
-    or package versions are not mixed: ``restart`` sets them aside and begins anew.
+    An interrupted study continues when it is called again; finished runs are neither lost nor repeated. Results of
+    different code or package versions are never mixed.
 
-    Raises StudyError if the folder holds results of other code or another function, if another process is writing them,
-    if the disk is full, if a worker dies, or if a run fails by anything but SimulationError; each names what is at
-    fault.
+    Raises StudyError if the folder has results of other code or another function, if another process is writing them,
+    if the disk is full, if a worker process dies, or if a run fails with another error than SimulationError; the
+    message names the cause. Raises InvalidInputError for ``jobs`` = 0.
+
+    Parameters
+    ----------
+    study
+        The function and the arguments of its calls.
+    folder
+        Folder of the results; it is created if missing. Each finished run is a line of ``<name>.journal``. At the end
+        the table is written to ``<name>.csv``, and its origin (call, versions, code and machines) to ``<name>.json``.
+    jobs
+        Number of processes; None is one per core. Inside ``joblib.parallel_config`` (for example with "dask") the runs
+        are made by the backend configured there.
+    progress
+        Whether to show progress and remaining time on stderr.
+    restart
+        Whether to rename earlier results and start again.
     """
     if jobs == 0:
         raise InvalidInputError("jobs: 0, expected how many processes (or None: one for each core)")
@@ -127,7 +139,7 @@ def run(
             set_aside([csv_path, json_path, journal_path])
         with Journal(journal_path) as journal:
             if journal.dropped and progress:
-                print(f"{journal_path}: {journal.dropped} damaged or half-written line(s) dropped", file=sys.stderr)
+                print(f"{journal_path}: {journal.dropped} damaged or incomplete line(s) dropped", file=sys.stderr)
             done = _finished(journal, made_by)
             wanted = {_key(arguments): arguments for arguments in study.runs}
             todo = {key: arguments for key, arguments in wanted.items() if key not in done}
@@ -146,7 +158,10 @@ def run(
 
 
 def fault(error: BaseException) -> str:
-    """An error's kind, its text and where it came from, if that is neither here nor in Python's import."""
+    """Return the class, the text and the origin (file and line) of ``error`` in one line.
+
+    The origin is left out if it is this module or Python's import system.
+    """
     last = traceback.extract_tb(error.__traceback__)[-1]
     here = last.filename == __file__ or last.filename.startswith("<frozen")
     where = "" if here else f" ({Path(last.filename).name}, line {last.lineno})"
@@ -161,7 +176,7 @@ def _make(
     jobs: int | None,
     progress: bool,
 ) -> None:
-    """Call the trial for what is to do; results go into the journal and into ``done`` as they come."""
+    """Call the trial for all runs in ``todo``; each result is written to the journal and to ``done`` at once."""
     configured = joblib.parallel.get_active_backend()[1]
     n_jobs = jobs if jobs is not None else configured if configured is not None else -1
     names = next((set(result) for result in done.values() if result["status"] == "ok"), None)
@@ -183,10 +198,10 @@ def _make(
                 done[key] = outcome
                 bar.update()
     except loky.process_executor.TerminatedWorkerError as error:
-        # Runs are handed out in order: the workers had the first of those that are not done.
+        # Runs are given to workers in order, so the workers had the first of the unfinished runs.
         had = [str(run) for key, run in todo.items() if key not in done][: joblib.effective_n_jobs(n_jobs)]
-        said = f"study {study.name}: a worker process died, killed by the system (for want of memory?) or by a crash"
-        raise StudyError(f"{said}; it was making one of: {'; '.join(had)}; {KEPT}") from error
+        message = f"study {study.name}: a worker process died: it crashed, or the system killed it (too little memory?)"
+        raise StudyError(f"{message}; it had one of the runs: {'; '.join(had)}; {KEPT}") from error
     except HexakinError:
         raise
     except Exception as error:
@@ -196,7 +211,7 @@ def _make(
 
 @contextlib.contextmanager
 def _results(trial: Trial, todo: Mapping[str, Mapping[str, Scalar]], n_jobs: int) -> Iterator[Iterator[Any]]:
-    """What ``_attempt`` returns, in the order of completion; workers that are still busy at the end are stopped."""
+    """Yield what ``_attempt`` returns, in the order of completion; stop workers that are still busy at the end."""
     calls = (joblib.delayed(_attempt)(trial, key, arguments) for key, arguments in todo.items())
     results = None
     try:
@@ -204,13 +219,13 @@ def _results(trial: Trial, todo: Mapping[str, Mapping[str, Scalar]], n_jobs: int
             results = joblib.Parallel(
                 n_jobs,
                 return_as="generator_unordered",
-                batch_size=1,  # in a larger one results would wait for each other, and the study may be killed
+                batch_size=1,  # in a larger batch, finished results would wait and could be lost
                 initializer=_end_with,
                 initargs=(os.getpid(), provenance(trial)["code"]),
             )(calls)
         yield results
     finally:
-        with warnings.catch_warnings():  # joblib's, of results that nobody waits for
+        with warnings.catch_warnings():  # joblib warns about results that are not used
             warnings.simplefilter("ignore")
             if results is not None:
                 results.close()
@@ -218,12 +233,12 @@ def _results(trial: Trial, todo: Mapping[str, Mapping[str, Scalar]], n_jobs: int
 
 @contextlib.contextmanager
 def _interrupted_later() -> Iterator[None]:
-    """Let Ctrl-C wait, and never reach the processes started meanwhile: it is for this one, which stops them."""
+    """Delay Ctrl-C, and hide it from processes that are started meanwhile: this process stops them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     for tracker in (multiprocessing.resource_tracker, loky.backend.resource_tracker):
-        tracker.ensure_running()  # starting it later would let Ctrl-C through again
+        tracker.ensure_running()  # if it started later, it would enable Ctrl-C again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -232,7 +247,10 @@ def _interrupted_later() -> Iterator[None]:
 
 
 def _attempt(trial: Trial, key: str, arguments: Mapping[str, Scalar]) -> tuple[str, dict[str, Any] | None, str | None]:
-    """One call, in a worker: the run's key, its result, and what is wrong with it if it cannot be one."""
+    """Make one call, in a worker; return the run's key, its result, and the fault or None.
+
+    With a fault there is no result.
+    """
     start = time.perf_counter()
     try:
         measured, status = _measured(trial(**arguments), arguments), "ok"
@@ -244,20 +262,21 @@ def _attempt(trial: Trial, key: str, arguments: Mapping[str, Scalar]) -> tuple[s
 
 
 def _measured(returned: Any, arguments: Mapping[str, Scalar]) -> dict[str, Scalar]:
-    """What a trial returned, in plain values."""
+    """Return the values that a trial returned, as plain values."""
     if not isinstance(returned, Mapping):
         raise InvalidInputError(f"the trial returned {returned!r:.80}, expected a mapping of names to values")
     if odd := [name for name in returned if not isinstance(name, str)]:
         raise InvalidInputError(f"the trial returned {odd[0]!r:.80} as a name, expected a string")
     if clash := sorted({*arguments, *RESERVED} & set(returned)):
-        raise InvalidInputError(f"the trial returned {', '.join(clash)}, which the table has already")
+        raise InvalidInputError(f"the trial returned {', '.join(clash)}: the table already has such a column")
     return {name: _plain(f"the trial returned {name}", value, finite=False) for name, value in returned.items()}
 
 
 def _end_with(runner: int, code: str) -> None:
-    """In a worker process: end when the one that started it is gone, which may be killed and then cannot stop it.
+    """In a worker process: end when the process ``runner`` has ended, because a killed runner cannot stop its workers.
 
-    joblib starts new workers when an argument differs from the last time: those that imported other code are not used.
+    joblib starts new workers when an argument of this function changes. With ``code`` as an argument, workers that
+    imported other code are therefore not used again.
     """
 
     def watch() -> None:
@@ -270,8 +289,8 @@ def _end_with(runner: int, code: str) -> None:
 
 
 def _finished(journal: Journal, made_by: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Results in a journal by their run's key; StudyError if they were made by something else."""
-    advice = "name another folder, or set these aside with restart=True (--restart)"
+    """Return the results in a journal by their run's key; raise StudyError if other code made them."""
+    advice = "use another folder, or rename these with restart=True (--restart)"
     made = [record["made_by"] for record in journal.records if "made_by" in record]
     for then in made:
         for what in ("trial", "code", "versions"):
@@ -280,7 +299,7 @@ def _finished(journal: Journal, made_by: Mapping[str, Any]) -> dict[str, dict[st
                 raise StudyError(f"{journal.path}: made by {what} {difference}; results are not mixed: {advice}")
     results = {_key(record["run"]): record["result"] for record in journal.records if "run" in record}
     if results and not made:
-        raise StudyError(f"{journal.path}: the line that says what made these results is damaged: {advice}")
+        raise StudyError(f"{journal.path}: the line with the origin of these results is damaged: {advice}")
     return results
 
 
@@ -292,13 +311,13 @@ def _difference(then: Any, now: Any) -> str:
 
 
 def _key(arguments: Mapping[str, Scalar]) -> str:
-    """The same text for equal arguments, whatever their order."""
+    """Return a text that is the same for equal arguments in any order."""
     whole = {name: int(v) if isinstance(v, float) and v.is_integer() else v for name, v in arguments.items()}
     return json.dumps(whole, sort_keys=True)
 
 
 def _plain(what: str, value: Any, *, finite: bool = True) -> Scalar:
-    """A plain value, NumPy's numbers turned into Python's."""
+    """Return ``value`` as a plain Python value; raise InvalidInputError if it is none."""
     if hasattr(value, "item") and getattr(value, "shape", None) == ():
         value = value.item()
     if not isinstance(value, (bool, int, float, str, type(None))):
@@ -309,7 +328,7 @@ def _plain(what: str, value: Any, *, finite: bool = True) -> Scalar:
 
 
 def _call(study: Study) -> str:
-    """The study's calls, with the levels of every argument."""
+    """Return a text of the study's calls, with the levels of every argument."""
     levels = {name: list({repr(run[name]): run[name] for run in study.runs}.values()) for name in study.runs[0]}
     fixed = [f"{name}={values[0]!r}" for name, values in levels.items() if len(values) == 1]
     varied = [f"{name} in {_shown(values)}" for name, values in levels.items() if len(values) > 1]

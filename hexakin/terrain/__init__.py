@@ -1,4 +1,4 @@
-"""The ground: heights, normals and shapes of level ground, ramps, blocks, elevation data and paper B's leg curves."""
+"""Heights, normals and shapes of level ground, ramps, blocks, elevation data and paper B's leg curves."""
 
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 from hexakin.terrain.blocks import Blocks

@@ -1,4 +1,4 @@
-"""Terrains: height and normal as functions, ranges along a ray, and the shapes that an engine needs."""
+"""What every terrain provides: height, normal, distance along a ray, and the shapes that an engine needs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hexakin.exceptions import InvalidInputError, UnknownNameError
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """Everything behind a plane: ``point`` (3,) [m] on it, unit ``normal`` (3,) out of the ground."""
+    """All points below a plane: ``point`` (3,) [m] lies on it, ``normal`` (3,) is its unit normal out of the ground."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -22,14 +22,18 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class Box:
-    """A box along the world's axes between its ``lower`` and ``upper`` corners, (3,) [m] each."""
+    """A box parallel to the world's axes, from its corner ``lower`` (3,) [m] to its corner ``upper`` (3,) [m]."""
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
 
 
 class TriangleMesh(NamedTuple):
-    """A surface: ``vertices`` (v, 3) [m] and ``triangles`` (t, 3), indices counter-clockwise seen from above."""
+    """A surface of triangles.
+
+    ``vertices`` (v, 3) [m] are its points; ``triangles`` (t, 3) are indices of three points each, counter-clockwise
+    seen from above.
+    """
 
     vertices: Array
     triangles: NDArray[np.int_]
@@ -37,39 +41,51 @@ class TriangleMesh(NamedTuple):
 
 @runtime_checkable
 class Terrain(Protocol):
-    """What every terrain offers; ``x``, ``y`` [m] broadcast."""
+    """The functions of every terrain. Arrays broadcast against each other; the world's z axis points up."""
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground [m]."""
+        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Unit normal out of the ground, (..., 3)."""
+        """Return the unit normal (..., 3) out of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
-        """Distance [m] from ``origin`` (..., 3) to the ground along the unit ``direction`` (..., 3); inf if none."""
+        """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground; inf if it misses.
+
+        ``direction`` (..., 3) is the ray's unit vector.
+        """
 
     def shapes(self) -> tuple[HalfSpace | TriangleMesh | Box, ...]:
-        """Shapes whose union is the ground, for an engine."""
+        """Return the shapes for an engine; their union is the ground."""
 
 
 def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Coerce coordinates [m] to finite arrays of one shape; else raise InvalidInputError."""
+    """Return ``x`` (...) and ``y`` (...) [m] as finite float arrays of the same shape.
+
+    Raises InvalidInputError if they are not finite numbers or do not broadcast.
+    """
     px, py = check_array("x", x, ()), check_array("y", y, ())
     try:
         px, py = np.broadcast_arrays(px, py)
     except ValueError as error:
-        raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not go together") from error
+        raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not broadcast") from error
     return px, py
 
 
 def check_terrain(terrain: object, *, also: tuple[type, ...] = ()) -> None:
-    """Raise UnknownNameError unless ``terrain`` is one, or a value of the classes ``also``: a class must be called."""
+    """Raise UnknownNameError unless ``terrain`` is a terrain or an instance of one of the classes ``also``.
+
+    A class itself, such as ``Plane`` instead of ``Plane()``, is an error.
+    """
     if isinstance(terrain, type) or not isinstance(terrain, (Terrain, *also)):
         names = ["Plane", "Ramp", "Blocks", "HeightField", *(kind.__name__ for kind in also)]
         raise UnknownNameError("terrain", terrain, [f"hexakin.terrain.{name}(...)" for name in names])
 
 
 def gaps(terrain: Terrain, points: ArrayLike) -> Array:
-    """Distances [m] of points (..., 3) from the ground, along its normal below each; negative in the ground."""
+    """Return the distances (...) [m] of ``points`` (..., 3) [m] from the ground of ``terrain``.
+
+    They are measured along the ground's normal below each point, and are negative for points under the ground.
+    """
     x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
     return (z - terrain.height(x, y)) * terrain.normal(x, y)[..., 2]

@@ -12,37 +12,37 @@ from hexakin.checks import Array, check_array, check_number, check_whole, read_o
 from hexakin.exceptions import InvalidInputError
 from hexakin.terrain.base import Box, HalfSpace, check_points
 
-_MAX_BLOCKS = 100_000  # assumed: far beyond any walk; an engine holds every block as a body of its own
-_BOTTOM = -0.1  # [m] assumed: blocks reach so far into the ground that nothing slips between the two
-_ROUNDING = 1e-9  # of a block's edge: what counts as on a line of the grid
+_MAX_BLOCKS = 100_000  # assumed: far more than any walk needs; in an engine every block is a separate body
+_BOTTOM = -0.1  # [m] assumed: blocks begin below the ground, so that nothing can get between block and ground
+_ROUNDING = 1e-9  # [edges of a block] a point closer than this to a grid line counts as on the line
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Square blocks with level tops, as paper A's testbed; around them the ground is level at z = 0.
+    """Square blocks with level tops, like paper A's testbed; the ground around them is level at z = 0.
 
-    The paper gives blocks 0.1 and 0.2 m wide and 0.04 to 0.13 m high; how they lie is assumed here.
+    The paper gives blocks 0.1 and 0.2 m wide and 0.04 to 0.13 m high; the layout is assumed here.
 
-    Where blocks meet, the higher one counts. Raises InvalidInputError for a parameter out of its range.
+    On an edge between blocks the higher block counts. Raises InvalidInputError for a parameter out of its range.
 
     Parameters
     ----------
     size
         Edge of a block [m]. One block is centred on the origin, so that a robot that starts there walks along the
-        middle of a row and not along a joint.
+        middle of a row and not along the line between two rows.
     heights
-        Lowest and highest top [m], not below the ground. The heights are drawn between them from ``seed``.
+        Lowest and highest allowed top [m], not below the ground. The heights are drawn at random between them.
     max_step
-        Largest difference [m] between blocks that share an edge; None leaves every height independent. It does not
-        bound the step up from the ground around the blocks.
+        Largest height difference [m] between blocks that share an edge; with None all heights are independent. It does
+        not limit the step from the ground around the blocks to the outer blocks.
     extent
-        (x_min, x_max, y_min, y_max) [m] to cover. The blocks that it touches are there as a whole: with the default,
-        which ends at 0.8 m, blocks of 0.2 m end at 0.9 m.
+        Area (x_min, x_max, y_min, y_max) [m] to cover with whole blocks: the default ends at x = 0.8 m, and blocks of
+        0.2 m then end at 0.9 m.
     level
         Blocks whose centres lie within this distance [m] of the origin share one height, so that the robot starts on
-        level ground; 0 switches that off.
+        level ground; with 0 no blocks are levelled.
     seed
-        A whole number; equal arguments make equal terrain.
+        Seed of the random heights, a whole number. Equal arguments give equal terrain.
     """
 
     size: float = 0.2
@@ -73,7 +73,7 @@ class Blocks:
             )
 
     def _tuple(self, name: str, length: int) -> tuple[float, ...]:
-        """Coerce a field to a tuple of plain numbers, so that equal terrains have equal representations."""
+        """Convert a field to a tuple of plain numbers, so that equal terrains have equal representations."""
         values = check_array(f"Blocks: {name}", getattr(self, name), (length,), ("number",))
         if values.ndim != 1:
             raise InvalidInputError(f"Blocks: {name}: expected {length} numbers, got shape {values.shape}")
@@ -82,7 +82,7 @@ class Blocks:
         return numbers
 
     def _centers(self, axis: int) -> Array:
-        """Centres of the blocks along x (0) or y (1), in edges of a block: whole numbers."""
+        """Return the centres of the blocks along x (0) or y (1) as multiples of a block's edge: whole numbers."""
         begin, end = (edge / self.size for edge in self.extent[2 * axis : 2 * axis + 2])
         first, last = np.floor(begin + 0.5 + _ROUNDING), np.ceil(end - 0.5 - _ROUNDING)
         return np.arange(first, max(first, last) + 1.0)
@@ -93,23 +93,24 @@ class Blocks:
 
     @cached_property
     def x_edges(self) -> Array:
-        """Where blocks begin and end along x, (nx + 1,) [m], ascending."""
+        """Positions (nx + 1,) [m] along x where blocks begin and end, ascending."""
         return self._edges(0)
 
     @cached_property
     def y_edges(self) -> Array:
-        """Where blocks begin and end along y, (ny + 1,) [m], ascending."""
+        """Positions (ny + 1,) [m] along y where blocks begin and end, ascending."""
         return self._edges(1)
 
     @cached_property
     def tops(self) -> Array:
-        """Heights of the blocks, (nx, ny) [m].
+        """Heights (nx, ny) [m] of the blocks.
 
-        The blocks are taken in random order, each height uniform over what the ones before leave possible. That
-        set is an interval: heights that differ by at most max_step times the number of blocks between them can always
-        be completed (McShane's extension of Lipschitz functions), so nothing is drawn twice or corrected later. No
-        direction is preferred, nor high over low, and the whole range is used. A walk from block to block would
-        depend on where it begins; levelling independent heights afterwards pulls them to the middle of the range.
+        The blocks are visited in random order. Each height is drawn uniformly from the heights that the earlier ones
+        still allow, which form an interval: if two heights differ by at most max_step times the number of blocks
+        between them, all other heights can always be completed (McShane's extension of Lipschitz functions, 1934). So
+        no height is drawn twice or corrected later. No direction is preferred, nor high over low, and the whole range
+        is used. Two other methods were rejected: a random walk from block to block depends on its first block, and
+        smoothing independent heights pulls them to the middle of the range.
         """
         low, high = self.heights
         rng = np.random.default_rng(self.seed)
@@ -118,7 +119,7 @@ class Blocks:
         tops = np.empty_like(least)
         span, longest = high - low, max(least.shape)
         step = span if self.max_step is None else self.max_step
-        # From this many blocks away a height leaves the whole range free.
+        # A height does not restrict blocks that are at least this many blocks away.
         free = np.ceil(span / step) if step > 0.0 else np.inf
         reach = int(min(longest, max(free - 1.0, 0.0)))
 
@@ -142,28 +143,32 @@ class Blocks:
         return read_only(np.pad(self.tops, 1))  # z = 0 all around
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground [m]; where blocks meet, that of the highest."""
+        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m].
+
+        On an edge between blocks it is the height of the highest one.
+        """
         px, py = check_points(x, y)
-        # The two sides differ only exactly on an edge, where they name the blocks on both sides of it.
+        # Left and right differ only exactly on an edge; there they are the blocks on both sides.
         i = [np.searchsorted(self.x_edges, px, side="left"), np.searchsorted(self.x_edges, px, side="right")]
         j = [np.searchsorted(self.y_edges, py, side="left"), np.searchsorted(self.y_edges, py, side="right")]
         return np.max([self._tops_and_ground[a, b] for a in i for b in j], axis=0)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Unit normal out of the ground, (..., 3): upwards everywhere."""
+        """Return the unit normal (..., 3), upwards everywhere, at ``x`` (...) [m] and ``y`` (...) [m]."""
         px, _ = check_points(x, y)
         return np.tile([0.0, 0.0, 1.0], (*px.shape, 1))
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
-        """Distance [m] to the ground along a ray, to a top or to a side of a block; inf if it misses.
+        """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
 
-        From under the ground it is the vertical gap, negative.
+        ``direction`` (..., 3) is the ray's unit vector. The ray can hit a top or a side of a block. The distance is inf
+        if the ray misses the ground. From an origin under the ground it is the vertical gap, which is negative.
         """
         p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
         gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
         x, y, z, dx, dy, dz = (values[..., axis, None] for values in (p, d) for axis in range(3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            # The ray's way is cut where it crosses a line of the grid; on each piece the ground is level.
+            # The ray is split where it crosses a line of the grid; on each piece the ground is level.
             lines = np.concatenate([(self.x_edges - x) / dx, (self.y_edges - y) / dy], axis=-1)
             lines = np.sort(np.where(lines >= 0.0, lines, np.inf), axis=-1)
             begin = np.concatenate([np.zeros_like(z), lines], axis=-1)

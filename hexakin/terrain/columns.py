@@ -1,4 +1,4 @@
-"""A terrain of boxes as columns that stand side by side."""
+"""Convert a terrain of boxes to columns that do not overlap."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from hexakin.terrain.base import Box, HalfSpace, Terrain
 
 
 def block_columns(terrain: Terrain, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array] | None:
-    """Columns under a terrain of boxes, cut off at a window; None for a terrain of other shapes.
+    """Return the columns that fill a terrain of boxes inside a window; None for a terrain of other shapes.
 
     Parameters
     ----------
     terrain
-        Boxes, with or without level ground around them.
+        A terrain of boxes, with or without level ground around them.
     low, high
         Corners of the window (x, y), (2,) [m].
 
     Returns
     -------
     tuple
-        Lower and upper corners (b, 3) [m]; the columns stand side by side, on the level ground or, without one, on
-        the lowest of the boxes' undersides.
+        Lower and upper corners (b, 3) [m] of the columns, which do not overlap. They begin at the level ground, or, if
+        there is none, at the lowest underside of the boxes.
     """
     shapes = terrain.shapes()
     boxes = [shape for shape in shapes if isinstance(shape, Box)]

@@ -1,4 +1,4 @@
-"""Terrain from elevation data: a grid of heights, two triangles to a cell."""
+"""Terrain from elevation data: a grid of heights, with two triangles in each cell."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from hexakin.terrain.base import TriangleMesh, check_points
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """Heights ``z`` (nx, ny) [m] over an even grid ``x`` (nx,), ``y`` (ny,) [m], both ascending.
+    """Heights ``z`` (nx, ny) [m] over an evenly spaced grid ``x`` (nx,), ``y`` (ny,) [m], both ascending.
 
-    Between the grid points the ground is flat triangles, the same for height, normal and an engine. Asking
-    outside the grid raises InvalidInputError.
+    Between the grid points the ground consists of flat triangles, the same for heights, normals and engines. Raises
+    InvalidInputError for a grid that is not evenly spaced and ascending. Its functions raise InvalidInputError for
+    points outside the grid.
     """
 
     x: Array
@@ -42,7 +43,7 @@ class HeightField:
         )
 
     def _cell(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
-        """Height and slopes (per cell) of the triangle under each point, and the place in its cell."""
+        """Return height and slopes (per cell) of the triangle under each point, and the position in its cell."""
         px, py = check_points(x, y)
         u, v = (px - self.x[0]) / (self.x[1] - self.x[0]), (py - self.y[0]) / (self.y[1] - self.y[0])
         outside = ~((px >= self.x[0]) & (px <= self.x[-1]) & (py >= self.y[0]) & (py <= self.y[-1]))
@@ -58,21 +59,22 @@ class HeightField:
         return corner, du, dv, u, v
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground [m]."""
+        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
         corner, du, dv, u, v = self._cell(x, y)
         return corner + du * u + dv * v
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Unit normal out of the ground, (..., 3)."""
+        """Return the unit normal (..., 3) out of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
         _, du, dv, _, _ = self._cell(x, y)
         slope_x, slope_y = du / (self.x[1] - self.x[0]), dv / (self.y[1] - self.y[0])
         normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
-        """Distance [m] to the ground along a ray; inf if it leaves the grid.
+        """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
 
-        From under the ground it is the vertical gap, negative. The origin must lie over the grid.
+        ``direction`` (..., 3) is the ray's unit vector. The distance is inf if the ray leaves the grid. From an origin
+        under the ground it is the vertical gap, which is negative. The origin must lie inside the grid.
         """
         p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
         flat = [self._ray(o, r) for o, r in zip(p.reshape(-1, 3), d.reshape(-1, 3), strict=True)]
@@ -86,7 +88,7 @@ class HeightField:
             return np.inf
         cell = min(self.x[1] - self.x[0], self.y[1] - self.y[0])
         longest = np.hypot(np.ptp(self.x), np.ptp(self.y)) + np.ptp(self.z) + abs(origin[2] - self.z.min())
-        # March by a quarter of a cell, then halve the first interval in which the ground is crossed.
+        # Sample the ray every quarter of a cell, then bisect the first interval in which it crosses the ground.
         at = np.arange(0.0, longest, cell / 4.0)
         points = origin + at[:, None] * direction
         inside = (points[:, 0] >= self.x[0]) & (points[:, 0] <= self.x[-1])

@@ -1,4 +1,4 @@
-"""Paper B's terrain: six curves, one for each leg, from one reference curve (B(14)-(16))."""
+"""Paper B's terrain: six curves, one for each leg, derived from one reference curve (B(14)-(16))."""
 
 from __future__ import annotations
 
@@ -14,19 +14,33 @@ from hexakin.exceptions import InvalidInputError
 
 
 def _zero(*arguments: Array) -> Array:
+    """Return zeros of the shape of the first argument (...) [m]: the default reference, level and straight ahead."""
     return np.zeros_like(arguments[0])
 
 
 @dataclass(frozen=True, eq=False)
 class LegCurves:
-    """A reference curve and coefficients that make each leg's own of it.
+    """A reference curve, and coefficients that give each leg's curve (B(14)-(16)).
 
-    Along the walk, at distance s [m] from the start, the reference lies ``reference_y(s)`` [m] to the left and at
-    height ``reference_z(s, y)`` [m] (B(14): f_x and f_xy; both take arrays). Leg j follows (k[0, j] s, k[1, j] y,
-    k[2, j] z) from its own standing foothold (B(16)). ``k`` (3, L), default all one.
+    At the distance s [m] along the walk, the reference curve is y = ``reference_y(s)`` [m] to the left and
+    z = ``reference_z(s, y)`` [m] high (B(14): f_x and f_xy). Leg j follows (k[0, j] s, k[1, j] y, k[2, j] z), measured
+    from its own standing foothold (B(16)).
 
-    These are heights for each leg and not one height over the plane: two legs may pass the same place at
-    different heights. k[0, j] other than 1 makes a leg lag behind or run ahead of the body until it is out of reach.
+    The curves are not one height over the plane: two legs may pass the same place at different heights. With k[0, j]
+    other than 1 a leg lags behind the body or runs ahead of it until it is out of reach.
+
+    Raises InvalidInputError if a reference is not a function, or for a ``k`` of wrong shape or not finite.
+
+    Parameters
+    ----------
+    reference_y
+        Function of s (...) [m], an array; returns y (...) [m]. The default is 0 everywhere.
+    reference_z
+        Function of s (...) [m] and y (...) [m]; returns z (...) [m]. The default is 0 everywhere.
+    k
+        Coefficients (3, L), numbers without unit; None sets all to 1.
+    num_legs
+        Number of legs L.
     """
 
     reference_y: Callable[[Array], Array] = _zero
@@ -59,7 +73,11 @@ class LegCurves:
         return result
 
     def displacement(self, s: ArrayLike) -> Array:
-        """Displacement (..., L, 3) [m] (ahead, left, up) of each leg's ground at ``s`` (..., L) or (..., 1) [m]."""
+        """Return the displacement (..., L, 3) [m] (ahead, left, up) of each leg's curve from its standing foothold.
+
+        ``s`` (..., L) or (..., 1) [m] is the distance along the walk, for each leg or for all. Raises InvalidInputError
+        for another shape, or if a reference curve does not return finite numbers of its argument's shape.
+        """
         distance = np.asarray(s, dtype=float)
         if distance.ndim == 0 or distance.shape[-1] not in (1, self.num_legs):
             raise InvalidInputError(f"s: expected shape (..., {self.num_legs}) or (..., 1), got {distance.shape}")

@@ -12,7 +12,7 @@ from hexakin.terrain.base import HalfSpace, check_points
 
 
 class _Planes:
-    """A terrain that is the union of half spaces, so that its height is the largest of its planes'."""
+    """A terrain that is a union of half spaces: its height is the largest height of its planes."""
 
     def shapes(self) -> tuple[HalfSpace, ...]:
         raise NotImplementedError
@@ -28,15 +28,19 @@ class _Planes:
         return point[:, 2] - (normal[:, 0] * dx + normal[:, 1] * dy) / normal[:, 2]
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground [m]."""
+        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
         return self._heights(x, y).max(axis=-1)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Unit normal out of the ground, (..., 3)."""
+        """Return the unit normal (..., 3) out of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
         return self._planes()[1][self._heights(x, y).argmax(axis=-1)]
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
-        """Distance [m] to the ground along a ray; negative where the origin is under the ground, inf if it misses."""
+        """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
+
+        ``direction`` (..., 3) is the ray's unit vector. The distance is inf if the ray misses the ground, and negative
+        for an origin under the ground.
+        """
         point, normal = self._planes()
         gap = np.einsum("...pi,pi->...p", np.asarray(origin, dtype=float)[..., None, :] - point, normal)
         speed = -np.einsum("...i,pi->...p", np.asarray(direction, dtype=float), normal)
@@ -55,17 +59,17 @@ class Plane(_Planes):
         check_number("Plane: z", self.z, unit="m")
 
     def shapes(self) -> tuple[HalfSpace, ...]:
-        """Return the one half space below ``z``."""
+        """Return the half space below ``z``."""
         return (HalfSpace((0.0, 0.0, self.z), (0.0, 0.0, 1.0)),)
 
 
 @dataclass(frozen=True)
 class Ramp(_Planes):
-    """A ramp that rises at ``slope`` [rad] along ``heading`` [rad] (from the x axis; pi/2 is +y).
+    """A ramp that rises with ``slope`` [rad] in the direction ``heading`` [rad] (from the x axis; pi/2 is +y).
 
-    With ``start`` [m] the ground is level up to that distance from the origin and rises from there;
-    without, it is inclined everywhere and passes through the origin. The defaults are paper A's
-    10 degrees along its walking direction (A Fig. 9a).
+    With ``start`` [m] the ground is level up to that distance from the origin and rises from there. With None it is
+    inclined everywhere and passes through the origin. The defaults are paper A's 10 degrees along its walking
+    direction (A Fig. 9a). Raises InvalidInputError for a slope beyond 60 degrees, or below 0 with ``start``.
     """
 
     slope: float = np.pi / 18.0
@@ -80,7 +84,7 @@ class Ramp(_Planes):
             check_number("Ramp: slope", self.slope, at_least=0.0, unit="rad")
 
     def shapes(self) -> tuple[HalfSpace, ...]:
-        """Return the inclined half space and, with ``start``, the level one before it."""
+        """Return the inclined half space and, with ``start``, the level half space before it."""
         along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         x, y, _ = (float(value) for value in along)
         begin, rise = self.start or 0.0, float(np.sin(self.slope))

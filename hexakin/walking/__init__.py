@@ -1,1 +1,1 @@
-"""Gaits, swing curves and paper B's planner."""
+"""Gaits, paths of the feet, and the planner of paper B."""

@@ -1,4 +1,4 @@
-"""Where the body goes while the legs walk (B(24)-(25))."""
+"""Path of the body during a walk of paper B (B(24)-(25))."""
 
 from __future__ import annotations
 
@@ -15,16 +15,27 @@ def body_poses(
     ground: Array,
     progress: Array,
     step: Array,
+    *,
     height: Array,
     height_reference: str,
     height_along: str,
     orientation: str | ArrayLike,
     yaw: float,
 ) -> Array:
-    """Body poses (n, 4, 4), B(24)-(25): over the footholds' mean, which moves from step to step.
+    """Body poses (n, 4, 4) over the mean of the footholds, which moves from step to step (B(24)-(25)).
 
-    ``ground`` (k + 1, L, 3) [m] are the footholds, ``progress`` (n,) the samples in steps, ``step`` (n,) their step's
-    number, ``height`` (n,) [m]; the rest is as for ``hexakin.plan_walk``.
+    Parameters
+    ----------
+    course
+        Tracks of the legs; used for the horizontal offset of the body from its feet.
+    ground
+        Footholds (k + 1, L, 3) [m] on the ground, for k steps.
+    progress, step
+        Times (n,) of the samples in steps, and the index (n,) of the step of each sample.
+    height
+        Heights (n,) [m] of the body's origin.
+    height_reference, height_along, orientation, yaw
+        As in ``hexakin.plan_walk``, where ``orientation`` is called ``body_orientation``.
     """
     part = (progress - step)[:, None]
     middle = ground.mean(axis=1)
@@ -46,7 +57,7 @@ def body_poses(
     T = np.zeros((len(center), 4, 4))
     T[:, :3, :3] = rotation
     if height_along == "vertical":
-        # B(24)-(25) fix x and y whatever the orientation.
+        # B(24)-(25) fix x and y for any orientation of the body.
         T[:, :3, 3] = center
         T[:, 2, 3] += height / up[:, 2]
     else:
@@ -56,7 +67,7 @@ def body_poses(
 
 
 def _fitted_normals(points: Array) -> Array:
-    """Upward unit normals (k, 3) of the planes z = a x + b y + c that fit points (k, L, 3) best."""
+    """Upward unit normals (k, 3) of the least-squares planes z = a x + b y + c through points (k, L, 3)."""
     offset = points - points.mean(axis=1, keepdims=True)
     moment = np.einsum("kli,klj->kij", offset[..., :2], offset[..., :2])
     slope = np.linalg.solve(moment, np.einsum("kli,kl->ki", offset[..., :2], offset[..., 2])[..., None])[..., 0]

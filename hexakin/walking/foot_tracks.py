@@ -1,4 +1,4 @@
-"""Where the legs go: the ground along each leg's track, starting offsets, and swings high enough to clear it."""
+"""Tracks of the feet: the ground along each leg's track, starting offsets, and swings that clear the ground."""
 
 from __future__ import annotations
 
@@ -17,11 +17,15 @@ from hexakin.walking.swing import adapted_cycloid
 
 START_OFFSETS = ("stable", "B15", "B16")
 MAX_ARCH = 4.0
-"""Highest swing tried for ``arch="clear"``, in heights of the paper's cycloid."""
+"""Highest swing that is tried for ``arch="clear"``, as a multiple of the height of the paper's cycloid."""
 
 
 def start_offset(gait: Gait, step_length: float, name: str, first_group: int = 0) -> Array:
-    """How far ahead [m] of its standing foothold each leg starts, (L,) (B(15)-(16), B-E2)."""
+    """Distance (L,) [m] at which each leg starts ahead of its standing foothold (B(15)-(16), B-E2).
+
+    ``step_length`` [m], ``name`` (called ``start_offsets`` there) and ``first_group`` are those of
+    ``hexakin.plan_walk``. Raises InvalidInputError if B(15) or B(16) is chosen for a ``gait`` other than the tripod.
+    """
     offset = np.zeros(gait.num_legs)
     if name == "stable":
         for group, legs in enumerate(gait.groups):
@@ -37,7 +41,12 @@ def start_offset(gait: Gait, step_length: float, name: str, first_group: int = 0
 
 
 class Course:
-    """Where the legs go: the ground along each leg's own track."""
+    """Track of each leg over the ground (B section 3); the arguments are those of ``hexakin.plan_walk``.
+
+    Attributes: ``ahead`` and ``left`` (3,), the unit vectors along and across the walk; ``body_offset`` (2,) [m], the
+    position of the body relative to the mean of its standing feet; ``order`` (L,), the index of the phase of a step in
+    which each leg swings.
+    """
 
     def __init__(
         self,
@@ -45,6 +54,7 @@ class Course:
         terrain: Terrain | LegCurves,
         gait: Gait,
         step_length: float,
+        *,
         heading: float,
         start: tuple[float, float],
         yaw: float,
@@ -59,15 +69,15 @@ class Course:
         feet = forward_kinematics(robot, robot.standing_q) @ turn.T
         offset = start_offset(gait, step_length, start_offsets, first_group)
         self._origin = feet[:, :2] + np.asarray(start) + offset[:, None] * self.ahead[:2]
-        # Where the body stands relative to the mean of its standing feet, seen from above.
+        # Position of the body relative to the mean of its standing feet, seen from above.
         self.body_offset = -feet[:, :2].mean(axis=0)
-        # The turn in a step in which each leg swings.
+        # Index of the phase of a step in which each leg swings.
         self.order = np.zeros(robot.num_legs, dtype=int)
         for group, legs in enumerate(gait.groups):
             self.order[list(legs)] = (group - first_group) % gait.phases_per_cycle
 
     def ground(self, steps: ArrayLike) -> Array:
-        """Points on the ground (..., L, 3) after a number of steps (...) or (..., L), which may be broken."""
+        """Points (..., L, 3) [m] on the ground after ``steps`` (...) or (..., L), which need not be whole numbers."""
         s = self._step_length * np.asarray(steps, dtype=float)
         s = s[..., None] if s.ndim < 2 else s
         if isinstance(self._terrain, LegCurves):
@@ -78,13 +88,17 @@ class Course:
         return np.concatenate([xy, self._terrain.height(xy[..., 0], xy[..., 1])[..., None]], axis=-1)
 
     def normal(self, ground: Array) -> Array:
-        """Unit normals (..., 3) at points on the ground; the curves of paper B have none and count as level."""
+        """Unit normals (..., 3) at points ``ground`` (..., 3) [m]; the curves of paper B count as level."""
         if isinstance(self._terrain, LegCurves):
             return np.broadcast_to([0.0, 0.0, 1.0], ground.shape)
         return self._terrain.normal(ground[..., 0], ground[..., 1])
 
     def ground_under(self, feet: Array, centers: Array, step: NDArray[np.int_]) -> Array:
-        """Height (n, L) [m] of the ground below feet (n, L, 3); on paper B's curves, of the leg's own curve."""
+        """Height (n, L) [m] of the ground below ``feet`` (n, L, 3) [m]; on paper B's curves, of the leg's own curve.
+
+        ``centers`` (k + 1, L, 3) [m] are the positions of the feet on their footholds, ``step`` (n,) the index of the
+        step of each sample.
+        """
         if not isinstance(self._terrain, LegCurves):
             return self._terrain.height(feet[..., 0], feet[..., 1])
         first, chord = centers[step, :, :2], (centers[step + 1] - centers[step])[..., :2]
@@ -94,9 +108,11 @@ class Course:
 
 
 def swing_arches(course: Course, centers: Array, num_steps: int, arch: float | str) -> Array:
-    """Height (k, L) of every swing in heights of the paper's cycloid.
+    """Height (k, L) of every swing, as a multiple of the height of the paper's cycloid.
 
-    Raises ClearanceError if ``"clear"`` is asked for and cannot be had.
+    ``centers`` (k + 1, L, 3) [m] are the positions of the feet on their footholds, ``num_steps`` is k, and ``arch`` is
+    that of ``hexakin.plan_walk``. Raises ClearanceError if ``arch`` is ``"clear"`` and a swing cuts into the ground
+    even with the largest height.
     """
     num_legs = centers.shape[1]
     if arch != "clear":
@@ -110,7 +126,7 @@ def swing_arches(course: Course, centers: Array, num_steps: int, arch: float | s
             path = adapted_cycloid(centers[k], centers[k + 1], samples[:, None], result[k])
             step = np.full(len(samples), k)
             ground = course.ground_under(path, centers, step)
-            # Vertical room that a resting foot keeps between centre and ground, from one foothold to the next.
+            # Height of the centre of a resting foot over the ground, from one foothold to the next.
             rest = radius_up[k] + samples[:, None] * (radius_up[k + 1] - radius_up[k])
             depth[k] = (path[..., 2] - rest - ground).min(axis=0)
         cutting = depth < -1e-9

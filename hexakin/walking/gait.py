@@ -1,4 +1,9 @@
-"""Which legs swing when: any duty factor and phase offsets, and the gaits that have names."""
+"""Gaits: duty factor and phase offset of each leg, and the well-known gaits by name.
+
+A gait is described as in R. B. McGhee and A. A. Frank, "On the stability properties of quadruped creeping gaits",
+Mathematical Biosciences 3, 1968. The tripod is that of A section 4.1 and B(15); wave gaits are those of Song and
+Waldron, "Machines that walk", 1989.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +24,11 @@ _ROUNDING = 1e-9  # of a cycle
 
 @dataclass(frozen=True)
 class Gait:
-    """A periodic gait: leg i lifts off at ``offsets[i]`` of a cycle and is back on the ground 1 - duty_factor later.
+    """A periodic gait: leg i lifts off at ``offsets[i]`` of a cycle and touches down 1 - duty_factor later.
 
-    ``offsets`` (L,) in [0, 1) are shares of a cycle, ``duty_factor`` in (0, 1) the share that a foot is on the ground.
-    Raises InvalidInputError for values outside these ranges.
+    ``name`` is used in messages. ``duty_factor`` in (0, 1) is the share of the cycle in which a foot is in stance.
+    ``offsets`` (L,) in [0, 1) are the phase offsets, as shares of a cycle. Raises InvalidInputError for values outside
+    these ranges.
     """
 
     name: str
@@ -47,49 +53,58 @@ class Gait:
 
     @cached_property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Legs (index from 0) that lift off together, in the order of the cycle."""
+        """Groups of legs (indices from 0) that lift off together, in the order of the cycle."""
         times = np.array(self.offsets)
         starts = np.unique(times.round(9))
         return tuple(tuple(int(i) for i in np.flatnonzero(np.abs(times - start) < _ROUNDING)) for start in starts)
 
     @property
     def phases_per_cycle(self) -> int:
-        """Number of groups, the phases of a cycle."""
+        """Number of phases of a cycle: the number of groups."""
         return len(self.groups)
 
     @property
     def has_equal_phases(self) -> bool:
-        """Whether one group swings after the other, each through one of equal phases, with none in between."""
+        """Whether the groups swing one after the other, in phases of equal length and without pauses."""
         count = self.phases_per_cycle
         first = [self.offsets[group[0]] for group in self.groups]
         even = np.allclose(first, np.arange(count) / count, atol=_ROUNDING)
         return bool(even and abs(1.0 - self.duty_factor - 1.0 / count) < _ROUNDING)
 
     def swinging(self, phase: int) -> NDArray[np.bool_]:
-        """Whether each leg swings in the phase with this running number, (L,), of a gait of equal phases."""
+        """Whether each leg swings in a phase of a gait with equal phases, (L,) bool.
+
+        ``phase`` is the running number of the phase, counted from 0; it may exceed the number of phases per cycle.
+        """
         swing = np.zeros(self.num_legs, dtype=bool)
         swing[list(self.groups[phase % self.phases_per_cycle])] = True
         return swing
 
     def swing_share(self, cycle: ArrayLike) -> Array:
-        """How much of its swing each leg has done at these times, in cycles: (...) -> (..., L), NaN in stance."""
+        """Share (..., L) of its swing, in [0, 1), that each leg has completed; NaN in stance.
+
+        ``cycle`` (...) are times as numbers of cycles.
+        """
         since = np.mod(np.asarray(cycle, dtype=float)[..., None] - np.array(self.offsets) + _ROUNDING, 1.0) - _ROUNDING
         share = since / (1.0 - self.duty_factor)
         return np.where(share < 1.0 - _ROUNDING, np.maximum(share, 0.0), np.nan)
 
     @property
     def fewest_carrying(self) -> int:
-        """Smallest number of legs on the ground at any time."""
+        """Smallest number of legs in stance at any time."""
         instants = np.array([*self.offsets, *np.mod(np.array(self.offsets) + 1.0 - self.duty_factor, 1.0)])
         between = np.mod(np.sort(instants) + 0.5 * np.diff(np.sort(instants), append=np.sort(instants)[0] + 1.0), 1.0)
         return int(np.isnan(self.swing_share(np.concatenate([instants, between]))).sum(axis=-1).min())
 
 
 def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
-    """Gait of equal phases: ``groups[k]`` are the legs (index from 0) that swing in phase k of a cycle."""
+    """Gait of equal phases: ``groups[k]`` are the legs (indices from 0) that swing in phase k of a cycle.
+
+    ``name`` is the name of the gait. Raises InvalidInputError if the groups do not contain each leg once.
+    """
     legs = [leg for group in groups for leg in group]
     if sorted(legs) != list(range(len(legs))) or not all(groups):
-        expected = f"must hold each of the legs 0 to {max(len(legs), 1) - 1} once"
+        expected = f"must contain each of the legs 0 to {max(len(legs), 1) - 1} once"
         raise InvalidInputError(f"gait {name!r}: groups {groups} {expected}")
     offsets = np.empty(len(legs))
     for k, group in enumerate(groups):
@@ -100,7 +115,7 @@ def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
 def tripod(robot: Robot) -> Gait:
     """Tripod gait: legs {1, 3, 5} swing, then {2, 4, 6}, numbered around the body (A section 4.1, B(15)).
 
-    Raises InvalidInputError for a robot that has not six legs.
+    Raises InvalidInputError for a robot that does not have six legs.
     """
     if robot.num_legs != 6:
         raise InvalidInputError(f"tripod gait: {robot.name} has {robot.num_legs} legs, expected 6")
@@ -108,10 +123,12 @@ def tripod(robot: Robot) -> Gait:
 
 
 def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> Gait:
-    """Wave gait: on each side the swings run from the rear leg forwards, the two sides half a cycle apart.
+    """Wave gait: on each side the legs swing from rear to front, and the two sides are half a cycle apart.
 
-    Neighbours lift off ``duty_factor`` apart (McGhee and Iswandhi 1979; Song and Waldron 1989); None is 1 - 1 / L, at
-    which one leg swings at a time. With 1/2 it is a tripod's two groups.
+    A leg lifts off ``duty_factor`` of a cycle after the leg in front of it, which is when the leg behind it touches
+    down (McGhee and Iswandhi 1979; Song and Waldron 1989). None is 1 - 1 / L, so that one leg swings at a time. With
+    1/2 the groups are those of the tripod. ``name`` is the name of the gait. Raises InvalidInputError for a duty factor
+    outside (0, 1), and for a robot without the same number of legs on both sides.
     """
     sides = _sides(robot)
     beta = 1.0 - 1.0 / robot.num_legs if duty_factor is None else duty_factor
@@ -122,14 +139,14 @@ def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> 
 
 
 def ripple(robot: Robot) -> Gait:
-    """Ripple gait: the wave gait of duty factor 2/3, in which swings of the two sides overlap by half."""
+    """Ripple gait: the wave gait with duty factor 2/3, in which the swings of the two sides overlap by half."""
     return wave(robot, 2.0 / 3.0, "ripple")
 
 
 def tetrapod(robot: Robot) -> Gait:
-    """Tetrapod gait of six legs: three pairs across the body swing one after the other; four legs carry.
+    """Tetrapod gait of six legs: three pairs, each of a left and a right leg, swing one after the other.
 
-    Raises InvalidInputError for a robot that has not six legs.
+    Raises InvalidInputError for a robot that does not have six legs.
     """
     if robot.num_legs != 6:
         raise InvalidInputError(f"tetrapod gait: {robot.name} has {robot.num_legs} legs, expected 6")
@@ -138,14 +155,14 @@ def tetrapod(robot: Robot) -> Gait:
 
 
 GAITS = {"tripod": tripod, "tetrapod": tetrapod, "ripple": ripple, "wave": wave}
-"""Gaits by name; each is made for a robot."""
+"""Functions that return the named gaits for a robot."""
 
 
 def gait_of(robot: Robot, gait: str | Gait) -> Gait:
-    """Return a gait for a robot, by name or checked.
+    """Return the gait of a given name for a robot, or check a ``Gait`` and return it.
 
-    Raises UnknownNameError for a name that is not in ``GAITS``, InvalidInputError if the numbers of legs differ or if
-    at some time fewer than three legs would carry the robot.
+    ``gait`` is a name in ``GAITS`` or a ``Gait``. Raises UnknownNameError for a name that is not in ``GAITS``, and
+    InvalidInputError if the numbers of legs differ or if at some time fewer than three legs are in stance.
     """
     check_robot(robot)
     if isinstance(gait, str):
@@ -163,7 +180,7 @@ def gait_of(robot: Robot, gait: str | Gait) -> Gait:
 
 
 def _sides(robot: Robot) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Legs to the left and to the right of the way, from front to rear, by where their feet stand."""
+    """Indices of the left and of the right legs, each from front to rear, by the positions of the standing feet."""
     feet = forward_kinematics(robot, robot.standing_q)
     ahead, across = feet @ robot.forward, feet @ robot.right
     order = np.argsort(-ahead, kind="stable")

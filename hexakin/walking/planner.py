@@ -1,7 +1,7 @@
-"""Paper B's walking algorithm: footholds from the terrain, cycloids between them, a body that keeps up (B section 3).
+"""Paper B's walking algorithm: footholds on the terrain, cycloids between them, and the body's path (B section 3).
 
-A step of the walk is one period: each group of legs of the gait swings in its share of it, and the body
-advances by the mean step of the six legs (B(24), whose half period is half a step).
+A step of the walk is one period. Each group of legs of the gait swings in its share of the period, and the body
+advances by the mean step of the legs (B(24), whose half period is half a step).
 """
 
 from __future__ import annotations
@@ -33,14 +33,23 @@ ORIENTATIONS = ("level", "parallel")
 
 @dataclass(frozen=True)
 class WalkReport:
-    """What ``check_plan`` finds; lengths in m, angles in rad.
+    """Measures of a plan, as ``check_plan`` returns them.
 
-    ``stance_drift``: how far a foot moves in the world between samples in which it is in stance.
-    ``largest_foot_step`` and ``largest_joint_step``: largest change between two samples; they halve when
-    the samples double if the paths are continuous. ``lowest_clearance`` of a swinging foot above the
-    terrain, by ``clearance_leg`` (1-based) at ``clearance_time`` [s]. ``limit_margin``: smallest distance of an
-    angle from its limit, negative beyond. ``closure``: largest distance between the planned feet and those that the
-    angles give. ``advance_error``: largest difference between the body's advance in a step and the legs' mean step.
+    Parameters
+    ----------
+    stance_drift
+        Largest distance [m] that a foot in stance moves in the world between two samples.
+    largest_foot_step, largest_joint_step
+        Largest change of a foot position [m] and of a joint angle [rad] between two samples. If the paths are
+        continuous, they halve when the number of samples doubles.
+    lowest_clearance, clearance_leg, clearance_time
+        Smallest height [m] of a swinging foot above the terrain, with its leg (1-based) and time [s].
+    limit_margin
+        Smallest distance [rad] of a joint angle from its limit; negative beyond the limit.
+    closure
+        Largest distance [m] between the planned feet and the feet computed from the joint angles.
+    advance_error
+        Largest difference [m] between the advance of the body in a step and the mean step of the legs.
     """
 
     stance_drift: float
@@ -80,55 +89,71 @@ def plan_walk(
 ) -> WalkPlan:
     """Plan a walk over a terrain (B Steps 1-17).
 
-    Raises UnreachableError, JointLimitError, ClearanceError, InvalidInputError or UnknownNameError.
+    Returns a ``WalkPlan`` with n = num_steps * samples_per_step + 1 samples. Raises UnreachableError or JointLimitError
+    for a target out of reach or beyond a joint limit, ClearanceError for a swing that cannot clear the terrain,
+    UnknownNameError for an unknown option, and InvalidInputError for any other argument that cannot be used.
 
     Parameters
     ----------
     robot, terrain
-        Any robot that the gait fits; any terrain with heights and normals, or the curves of paper B.
+        A robot with the gait's number of legs; a terrain with heights and normals, or the curves of paper B.
     num_steps, step_length, samples_per_step
-        Steps of ``step_length`` [m] along the walk; samples in each, at least two for a swing.
+        Number of steps, their length [m], and the number of samples in each step, at least two per swing.
     heading
-        Direction of walking [rad] against the body's forward axis; the body does not turn.
+        Direction of walking [rad] relative to the body's forward axis; the body does not turn.
     body_height
         Height [m] of the body's origin; None is that of the standing pose.
     body_motion, amplitude, period
-        ``"fixed"``, or ``"sinusoidal"`` with this amplitude [m] and period [steps].
+        The height of the body is ``"fixed"``, or ``"sinusoidal"`` with this amplitude [m] and period [steps].
     height_reference
-        Body height counts from the mean of the legs' ``"footholds"``, or from their mean at the ``"start"``.
+        The body height is measured from the mean of the current ``"footholds"``, or from their mean at the ``"start"``.
     height_along
-        A body that is ``"parallel"`` has its height ``"vertical"`` over the mean of the footholds, as B(24)-(25) have
-        it, or along its own ``"normal"``, which keeps the legs as they stand but moves the body downhill.
+        Direction of the height of a body that is ``"parallel"`` to the ground: ``"vertical"`` over the mean of the
+        footholds, as in B(24)-(25), or along the body's ``"normal"``. With the latter the legs keep their pose, but
+        the body moves downhill.
     body_orientation
         ``"level"``, ``"parallel"`` to the plane that fits the footholds best, or roll, pitch and yaw (3,) or
-        (n, 3) [rad] about the body's x, y and z axes, for the n = num_steps * samples_per_step + 1 samples.
+        (n, 3) [rad] about the body's x, y and z axes, for the n samples.
     start, yaw
-        The place [m] around which the standing footholds lie and how the body is turned about the vertical [rad]. The
-        body itself starts over the mean of the first footholds, up to a quarter step ahead by ``start_offsets``.
+        Horizontal position (2,) [m] around which the standing footholds lie, and rotation of the body about the
+        vertical [rad]. The body itself starts over the mean of the first footholds, which lie up to a quarter step
+        further ahead, depending on ``start_offsets``.
     start_offsets
-        ``"stable"``: legs that swing later start ahead, so that all strokes are centred. ``"B15"`` and ``"B16"``: as
-        the paper prints them, legs 2, 4, 6 behind by half a step, or leg 2 ahead and 4, 6 behind (B-E2).
+        ``"stable"``: legs that swing later start further ahead, so that all strokes are centred. ``"B15"`` and
+        ``"B16"`` are as printed in the paper: legs 2, 4, 6 start half a step behind, or leg 2 ahead and legs 4, 6
+        behind (B-E2).
     first_group
-        Which group of the gait swings first.
+        Index (from 0) of the group of the gait that swings first.
     arch
-        Height of a swing in heights of the paper's cycloid, or ``"clear"``: for each swing the lowest, from 1 in
-        quarters, that clears the terrain.
+        Height of a swing as a multiple of the height of the paper's cycloid. ``"clear"`` uses for each swing the
+        smallest of 1, 1.25, 1.5, ... that clears the terrain.
     step_duration
         Duration of a step [s].
     gait
         The gait; None is the tripod.
     on_failure
-        ``"raise"`` refuses a plan out of reach or limits, naming leg and time; ``"mark"`` returns it with flags.
+        ``"raise"`` raises an error with leg and time if a target is out of reach or an angle beyond its limit;
+        ``"mark"`` returns the plan with flags for these samples.
     """
     arguments = dict(locals())
     gait = _check(arguments)
-    course = Course(robot, terrain, gait, step_length, heading, start, yaw, start_offsets, first_group)
+    course = Course(
+        robot,
+        terrain,
+        gait,
+        step_length,
+        heading=heading,
+        start=start,
+        yaw=yaw,
+        start_offsets=start_offsets,
+        first_group=first_group,
+    )
 
     num_samples = num_steps * samples_per_step + 1
     sample = np.arange(num_samples)
     progress = sample / samples_per_step  # in steps
     step = np.minimum(sample // samples_per_step, num_steps - 1)
-    # Of each leg's swing; whole numbers until the end, so that swings begin and end exactly.
+    # Completed part of each leg's swing, in whole numbers until the end, so that swings begin and end exactly.
     done = (sample - step * samples_per_step)[:, None] * gait.phases_per_cycle - course.order * samples_per_step
     phase = np.clip(done, 0, samples_per_step) / samples_per_step
 
@@ -136,7 +161,7 @@ def plan_walk(
     centers = ground + robot.foot_radius * course.normal(ground)
     arches = swing_arches(course, centers, num_steps, arch)
     p_world_foot = adapted_cycloid(centers[step], centers[step + 1], phase, arches[step])
-    # At the ends of a swing the foothold itself, so that a foot in stance has exactly one position.
+    # At the ends of a swing, use the foothold itself, so that a foot in stance has exactly one position.
     p_world_foot = np.where((phase == 0.0)[..., None], centers[step], p_world_foot)
     p_world_foot = np.where((phase == 1.0)[..., None], centers[step + 1], p_world_foot)
     stance = (phase == 0.0) | (phase == 1.0)
@@ -144,7 +169,15 @@ def plan_walk(
     height = standing_height(robot) if body_height is None else body_height
     sway = amplitude * np.sin(2.0 * np.pi * progress / period) if body_motion == "sinusoidal" else np.zeros(num_samples)
     T_world_body = body_poses(
-        course, ground, progress, step, height + sway, height_reference, height_along, body_orientation, yaw
+        course,
+        ground,
+        progress,
+        step,
+        height=height + sway,
+        height_reference=height_reference,
+        height_along=height_along,
+        orientation=body_orientation,
+        yaw=yaw,
     )
 
     solution = path_inverse_kinematics(robot, transform_points(inverse_pose(T_world_body), p_world_foot))
@@ -169,7 +202,10 @@ def plan_walk(
 
 
 def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
-    """Measure what a plan promises: see ``WalkReport``. Measures of angles are NaN where no instant is reachable."""
+    """Measure the accuracy, continuity and limits of a ``plan`` of paper B for its robot; see ``WalkReport``.
+
+    Measures of joint angles are NaN if no target of the plan is reachable.
+    """
     held = plan.stance[1:] & plan.stance[:-1]
     moved = np.linalg.norm(np.diff(plan.p_world_foot, axis=0), axis=-1)
     swung = np.where(plan.stance, np.inf, plan.clearance)
@@ -201,7 +237,7 @@ def _largest(values: Array) -> float:
 
 
 def _check(arguments: dict[str, Any]) -> Gait:
-    """Raise for an argument that cannot be used; return the gait."""
+    """Return the gait; raise InvalidInputError or UnknownNameError for an argument that cannot be used."""
     a = arguments
     robot = a["robot"]
     check_robot(robot)
@@ -215,8 +251,8 @@ def _check(arguments: dict[str, Any]) -> Gait:
         raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
     if not gait.has_equal_phases:
         raise InvalidInputError(
-            f"gait: swings of {gait.name} overlap or leave pauses; B's walk has one group swing after the other "
-            "(hexakin.steering.SteeringController walks any gait)"
+            f"gait: swings of {gait.name} overlap or leave pauses; in B's walk one group swings after the other "
+            "(hexakin.steering.SteeringController accepts any gait)"
         )
     check_whole("num_steps", a["num_steps"], at_least=1)
     check_whole("samples_per_step", a["samples_per_step"], at_least=2 * gait.phases_per_cycle)

@@ -11,10 +11,10 @@ from hexakin.checks import Array
 
 
 def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
-    """Cubic Bezier curve (A(19) with the binomial coefficients that it omits).
+    """Points (..., 3) [m] of a cubic Bezier curve (A(19), with the binomial coefficients that are missing there).
 
-    ``control`` (..., 4, 3) [m] are the control points, ``phase`` in [0, 1] is t / t_g and broadcasts
-    against the leading axes; returns (..., 3) [m].
+    ``control`` (..., 4, 3) [m] are the control points. ``phase`` (...) in [0, 1], the share t / t_g of the swing,
+    broadcasts against the leading axes.
     """
     p = np.asarray(control, dtype=float)
     t = np.asarray(phase, dtype=float)[..., None]
@@ -26,12 +26,12 @@ def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
 def swing_control_points(
     start: ArrayLike, displacement: ArrayLike, forward: ArrayLike, stride: float, apex: float
 ) -> Array:
-    """Control points of a swing (A(20)-(22), (27)).
+    """Control points (..., 4, 3) [m] of a swing (A(20)-(22), A(27)).
 
-    ``start`` (..., 3) [m] is the foot's position, ``displacement`` (3,) [m] where it ends relative to it,
-    ``forward`` (3,) the unit vector along which the inner points advance by a quarter and three quarters
-    of ``stride`` [m]. They are raised by 4/3 of ``apex`` [m], so that a level swing rises by ``apex``;
-    A prints h/3, whose apex is h/4, and calls h the maximum height. Returns (..., 4, 3).
+    ``start`` (..., 3) [m] is the position of the foot, and ``displacement`` (3,) [m] leads from there to the end of the
+    swing. The two inner points lie a quarter and three quarters of ``stride`` [m] ahead along the unit vector
+    ``forward`` (3,). They are raised by 4/3 of ``apex`` [m], so that a level swing rises by ``apex``. The paper prints
+    h/3, which gives an apex of h/4, but calls h the maximum height.
     """
     p0 = np.asarray(start, dtype=float)
     f, up = np.asarray(forward, dtype=float), np.array([0.0, 0.0, 4.0 / 3.0 * apex])
@@ -41,11 +41,20 @@ def swing_control_points(
 
 
 class StepGeometry(NamedTuple):
-    """A step from one foothold to the next, B(17)-(21), (...) each.
+    """Steps from one foothold to the next, B(17)-(21).
 
-    ``yaw`` psi [rad] with the sign that turns column vectors (B prints its negative, for row vectors),
-    ``plan_length`` l_p [m] seen from above, ``slope`` theta [rad], ``length`` l_s [m] in space, ``radius`` R [m] of the
-    cycloid.
+    Parameters
+    ----------
+    yaw
+        Angle psi (...) [rad] with the sign that turns column vectors; B prints its negative, for row vectors.
+    plan_length
+        Length l_p (...) [m], seen from above.
+    slope
+        Angle theta (...) [rad] with the horizontal.
+    length
+        Length l_s (...) [m] in space.
+    radius
+        Radius R (...) [m] of the cycloid.
     """
 
     yaw: Array
@@ -56,7 +65,7 @@ class StepGeometry(NamedTuple):
 
 
 def step_geometry(start: ArrayLike, end: ArrayLike) -> StepGeometry:
-    """Geometry of the steps from ``start`` to ``end`` (..., 3) [m]."""
+    """Geometry of the steps from ``start`` to ``end``, both (..., 3) [m], by B(17)-(21)."""
     dx, dy, dz = np.moveaxis(np.asarray(end, dtype=float) - np.asarray(start, dtype=float), -1, 0)
     plan_length = np.hypot(dx, dy)  # B(18)
     length = np.hypot(plan_length, dz)  # B(20)
@@ -65,11 +74,11 @@ def step_geometry(start: ArrayLike, end: ArrayLike) -> StepGeometry:
 
 
 def adapted_cycloid(start: ArrayLike, end: ArrayLike, phase: ArrayLike, arch: ArrayLike = 1.0) -> Array:
-    """Cycloid from ``start`` to ``end`` (..., 3) [m] in the vertical plane through both (B(22)-(23)).
+    """Points (..., 3) [m] of a cycloid in the vertical plane through its ends (B(22)-(23)).
 
-    ``phase`` in [0, 1] is the share of the swing (B(22)'s angle is 2 pi times it); ``arch`` multiplies the
-    cycloid's height, which is 2 R and stands at right angles to the step. Both broadcast against the leading axes;
-    returns (..., 3) [m].
+    ``start`` and ``end`` (..., 3) [m] are the ends. ``phase`` (...) in [0, 1] is the share of the swing; the angle in
+    B(22) is 2 pi times it. ``arch`` (...) is a factor, without unit, on the height of the cycloid; this height is 2 R
+    and is measured at right angles to the step. ``phase`` and ``arch`` broadcast against the leading axes.
     """
     p0, step = np.asarray(start, dtype=float), step_geometry(start, end)
     angle = 2.0 * np.pi * np.asarray(phase, dtype=float)
@@ -82,5 +91,9 @@ def adapted_cycloid(start: ArrayLike, end: ArrayLike, phase: ArrayLike, arch: Ar
 
 
 def stance_line(start: ArrayLike, displacement: ArrayLike, phase: ArrayLike) -> Array:
-    """Straight stance path (A(23), A(31)) from ``start`` (..., 3) [m]: ``phase`` in [0, 1] times ``displacement``."""
+    """Points (..., 3) [m] of the straight path of a foot in stance (A(23), A(31)).
+
+    ``start`` (..., 3) [m] is the beginning of the path and ``displacement`` (..., 3) [m] leads to its end. ``phase``
+    (...) in [0, 1] is the completed share of the path.
+    """
     return np.asarray(start, dtype=float) + np.asarray(phase, dtype=float)[..., None] * np.asarray(displacement)
