@@ -1,6 +1,9 @@
 """The package's structure: its layers, no circles, few entries, one table of public names."""
 
+import ast
 import importlib
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -45,6 +48,7 @@ def copied(tmp_path_factory):
         ("stability/polygon.py", "def late():\n    import casadi", "casadi checks feasibility"),
         ("motion/measures.py", "from matplotlib import pyplot", "matplotlib draws"),
         ("robot/model.py", "from hexakin.robot.file import load_robot", "No circle inside a package"),
+        ("study/runner.py", "from hexakin.transforms import pose", "The study runner knows no robot"),
     ],
 )
 def test_an_import_that_climbs_breaks_a_contract(copied, file, line, contract):
@@ -87,6 +91,43 @@ def test_no_module_imports_itself_by_way_of_others():
         if module != hk.__name__:  # it only maps names, which are strings
             visit(module, [])
     assert len(reached["hexakin.report.__main__"]) > 30
+
+
+def test_no_module_imports_by_way_of_the_public_names():
+    """``from hexakin import x`` may name a module directly below hexakin; the contracts do not see further."""
+    below = {name.split(".")[1] for name in installation.modules() if name.count(".") == 1}
+    for module, path in installation.modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module == "hexakin":
+                assert {alias.name for alias in node.names} <= below, module
+            if isinstance(node, ast.Import):
+                assert "hexakin" not in {alias.name for alias in node.names}, module
+
+
+def test_importing_hexakin_runs_one_module_beside_the_table():
+    code = "import sys, hexakin; print(sorted(name for name in sys.modules if name.startswith('hexakin')))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ast.literal_eval(run.stdout) == ["hexakin", "hexakin.installation"]
+
+
+def test_every_name_in_notebooks_and_documents_exists():
+    """Of the form hk.a.b or imported from hexakin."""
+    texts = [path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]]
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        texts += ["".join(cell["source"]) for cell in cells]
+    named = set()
+    for text in texts:
+        named |= {tuple(name.split(".")) for name in re.findall(r"\bhk\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)?)", text)}
+        for module, names in re.findall(r"^from (hexakin[\w.]*) import ([\w, ]+)$", text, re.MULTILINE):
+            for name in names.split(","):
+                found = importlib.import_module(module)
+                name = name.split(" as ")[0].strip()
+                assert hasattr(found, name) or f"{module}.{name}" in installation.modules(), f"{module}: {name}"
+    for first, *rest in named:
+        value = getattr(hk, first)
+        for name in rest:
+            assert hasattr(value, name), f"hk.{first}.{name}"
 
 
 def test_only_the_report_and_the_command_line_import_the_papers():

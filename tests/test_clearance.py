@@ -6,7 +6,7 @@ import pytest
 import hexakin as hk
 from hexakin.feasibility import best_posture, check, commanded_walk, longest_stride, steepest_slope
 from hexakin.figures.sliders import posture_of_body
-from hexakin.motion.clearance import foot_gaps, torso_gaps
+from hexakin.motion.clearance import foot_gaps, torso_gaps, way_to_ground
 from hexakin.motion.motion import Motion
 from hexakin.robot_summary import remarks, summarise
 from hexakin.simulation.closed_loop import starting_pose
@@ -157,3 +157,35 @@ def test_terrains_of_other_kinds_are_named_everywhere(athena):
                 call(wrong)
     with pytest.raises(hk.exceptions.UnknownNameError, match="terrain"):
         commanded_walk(controller, curves)
+
+
+@pytest.mark.parametrize("rise", [0.5, 1.0, 2.0])
+def test_a_start_on_a_bank_is_just_above_the_ground(athena, rise):
+    """Level ground in the middle and a bank beside it: the lowest foot or the torso is a millimetre above it."""
+    grid, q = np.linspace(-3.0, 3.0, 301), athena.standing_q
+    bank = rise * np.maximum(grid - 0.1, 0.0)[:, None] + np.zeros_like(grid)
+    for height in (bank, np.maximum(bank, 0.3 * np.hypot.outer(grid, grid))):
+        ground = hk.terrain.HeightField(grid, grid, height)
+        T = starting_pose(athena, ground, q)
+        feet = transform_points(T, hk.forward_kinematics(athena, q))
+        gaps = foot_gaps(athena, ground, feet)
+        assert min(gaps.min(), torso_gaps(athena, ground, T)) == pytest.approx(1e-3, abs=1e-8)
+        up = T[:3, 2]
+        way = way_to_ground(athena, ground, T, q, up, gap=0.0, torso=False)
+        assert foot_gaps(athena, ground, feet + way * up).min() == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_robot_whose_origin_is_below_the_ground_has_a_best_posture(edited):
+    """Legs that start 180 mm above the body's origin, and the torso's box there too."""
+
+    def raise_all(tree):
+        tree["torso"]["center_of_mass_mm"] = [0.0, 0.0, 180.0]
+        tree["leg_table"]["mount"] = ["x", "y", "z"]
+        tree["leg_table"].setdefault("parameters", {}).update(x=0.0, y=0.0, z_mm=180.0)
+
+    raised, plain = edited("athena", raise_all), hk.load_robot("athena")
+    assert hk.kinematics.standing_height(raised) == pytest.approx(hk.kinematics.standing_height(plain) - 0.180)
+    answer, expected = best_posture(raised), best_posture(plain)
+    assert answer.feasible and answer.value == pytest.approx(expected.value, abs=1e-3)
+    height = hk.kinematics.standing_height(raised)
+    assert longest_stride(raised, height).value == pytest.approx(longest_stride(plain).value, abs=1e-5)

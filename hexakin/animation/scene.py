@@ -22,7 +22,7 @@ from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.model import SEGMENT_NAMES, Robot, check_robot
 from hexakin.stability.polygon import support_polygon
 from hexakin.stability.time_series import zero_moment_point
-from hexakin.terrain.base import Terrain
+from hexakin.terrain.base import Terrain, check_terrain
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, pose, transform_points
 
@@ -202,10 +202,7 @@ def _check_terrain(terrain: Any) -> Terrain | None:
     """Return the terrain if it has a surface, otherwise None."""
     if terrain is None or isinstance(terrain, LegCurves):
         return None
-    if isinstance(terrain, type) or not isinstance(terrain, Terrain):
-        raise UnknownNameError(
-            "terrain", terrain, [f"hexakin.terrain.{n}(...)" for n in ("Plane", "Ramp", "Blocks", "HeightField")]
-        )
+    check_terrain(terrain, also=(LegCurves,))
     return terrain
 
 

@@ -1,1 +1,1 @@
-"""The interface of controllers; posture control (paper A), steering by velocity, standing up."""
+"""The interface of controllers, posture control (paper A), steering by velocity commands, and standing up."""

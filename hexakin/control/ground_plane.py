@@ -1,4 +1,4 @@
-"""Paper A's perception of the ground: which feet carry (A Fig. 6) and the plane through three of them (A(24)-(26))."""
+"""Paper A's estimate of the ground: feet that carry load (A Fig. 6), the plane through three of them (A(24)-(26))."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from hexakin.checks import Array
 from hexakin.robot.model import Robot
 
 MIN_SLENDERNESS = 0.2
-"""Smallest altitude of a usable triple over its longest side.
+"""Smallest slenderness at which three feet are used to define a plane.
 
-Assumed: an equilateral triangle has 0.87; the three feet of one side of ATHENA, whose plane says
-nothing about roll, have 0.16; every other triple of its standing feet has at least 0.35.
+Assumed: an equilateral triangle has 0.87; the three feet of one side of ATHENA, whose plane does not
+determine the roll angle, have 0.16; every other triple of its standing feet has at least 0.35.
 """
 
 
 class GroundPlane(NamedTuple):
-    """A plane through three feet, in the body frame.
+    """A plane through three feet, in the body frame (A(24)).
 
-    ``legs`` (3,) indices, unit ``normal`` (3,) pointing up, ``offset`` [m] with normal @ p = offset on
-    the plane, ``misfit`` [m] the largest distance of another supporting foot from it (NaN without one).
+    ``legs`` (3,) are the indices of the three legs. ``normal`` (3,) is the unit normal that points up. Points p of the
+    plane satisfy normal @ p = ``offset`` [m]. ``misfit`` [m] is the largest distance of the other supporting feet from
+    the plane, NaN if there are none.
     """
 
     legs: tuple[int, ...]
@@ -33,12 +34,18 @@ class GroundPlane(NamedTuple):
 
 
 def supporting_feet(foot_force: ArrayLike, threshold: float = 0.0) -> NDArray[np.bool_]:
-    """Feet whose normal force (..., L) [N] is above ``threshold`` (A Fig. 6: above zero)."""
+    """Whether each foot carries load, (..., L) bool: its normal force is above a threshold (A Fig. 6: above zero).
+
+    ``foot_force`` (..., L) [N] are the normal forces, ``threshold`` [N] is the same for all feet.
+    """
     return np.asarray(foot_force, dtype=float) > threshold
 
 
 def slenderness(p: ArrayLike) -> float:
-    """Smallest altitude of a triangle (3, 3) over its longest side: 0 if collinear, 0.87 if equilateral."""
+    """Ratio of the smallest altitude of a triangle to its longest side: 0 if collinear, 0.87 if equilateral.
+
+    ``p`` (3, 3) [m] are the corners, one per row.
+    """
     corners = np.asarray(p, dtype=float)
     longest = max(float(np.linalg.norm(corners[i] - corners[j])) for i, j in ((0, 1), (1, 2), (2, 0)))
     twice_area = float(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])))
@@ -46,16 +53,21 @@ def slenderness(p: ArrayLike) -> float:
 
 
 def usable_triples(p_body_foot: ArrayLike, support: ArrayLike) -> list[tuple[int, ...]]:
-    """Triples of supporting legs whose feet are far enough from a line to define a plane."""
+    """Triples of supporting legs whose feet are far enough from collinear to define a plane.
+
+    ``p_body_foot`` (L, 3) [m] are the feet, ``support`` (L,) bool tells which of them carry load. Returns tuples of
+    three leg indices; their slenderness is at least ``MIN_SLENDERNESS``.
+    """
     feet = np.asarray(p_body_foot, dtype=float)
     legs = [int(leg) for leg in np.flatnonzero(support)]
     return [triple for triple in combinations(legs, 3) if slenderness(feet[list(triple)]) >= MIN_SLENDERNESS]
 
 
 def ground_plane(p_body_foot: ArrayLike, support: ArrayLike, rng: np.random.Generator) -> GroundPlane | None:
-    """Plane through a random usable triple of the supporting feet (A(24)), or None if there is none.
+    """Plane through a random usable triple of the supporting feet (A(24)), or None if there is no such triple.
 
-    ``p_body_foot`` (L, 3) [m], ``support`` (L,) bool. With exactly three supporting feet these are used.
+    ``p_body_foot`` (L, 3) [m] are the feet in the body frame, ``support`` (L,) bool tells which of them carry load.
+    ``rng`` draws the triple; if there is only one, nothing is drawn.
     """
     feet = np.asarray(p_body_foot, dtype=float)
     triples = usable_triples(feet, support)
@@ -72,11 +84,11 @@ def ground_plane(p_body_foot: ArrayLike, support: ArrayLike, rng: np.random.Gene
 
 
 def slope_angles(robot: Robot, normal: ArrayLike) -> tuple[float, float]:
-    """Pitch and roll (delta_alpha, delta_beta) [rad] of the ground relative to the torso, signed.
+    """Signed pitch and roll angles (delta_alpha, delta_beta) [rad] of the ground relative to the torso.
 
-    ``normal`` (3,) is the ground's in the body frame, pointing up. A(25)-(26) with the components in
-    the right places and with atan2 instead of arccos, which loses the sign. Ground that rises ahead
-    has delta_alpha > 0; ground that falls to the right has delta_beta > 0.
+    ``normal`` (3,) is the unit normal of the ground in the body frame, pointing up. The angles are those of A(25)-(26)
+    with two corrections: the right components of the normal, and atan2 in place of arccos, which loses the sign.
+    Ground that rises ahead has delta_alpha > 0; ground that falls to the right has delta_beta > 0.
     """
     n = np.asarray(normal, dtype=float)
     delta_alpha = np.arctan2(-n @ robot.forward, n[2])

@@ -1,4 +1,4 @@
-"""What a controller is given and what it answers, once per control tick (A section 1)."""
+"""The interface of controllers: an observation in and a command out, once per control tick (A section 1)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hexakin.robot.model import Robot
 
 
 class Observation(NamedTuple):
-    """All that a controller may use: joints, foot forces, the torso's height and an IMU (A section 1).
+    """The sensor values that a controller receives: joints, foot forces, height and an IMU (A section 1).
 
     Parameters
     ----------
@@ -25,11 +25,11 @@ class Observation(NamedTuple):
     q
         Joint angles (L, 3) [rad].
     joint_velocity
-        Their rates (L, 3) [rad/s].
+        Joint rates (L, 3) [rad/s].
     foot_force
-        Normal force on each foot (L,) [N], its mean over the last control tick.
+        Normal force on each foot (L,) [N], by default the mean over the last control tick (see ``simulate``).
     height
-        Distance [m] from the body's origin to the ground along the body's downward axis (infrared range).
+        Distance [m] from the body's origin to the ground along the body's downward axis (infrared sensor).
     body_angular_velocity
         Angular velocity of the body (3,) [rad/s], in the body frame.
     up_in_body
@@ -46,9 +46,9 @@ class Observation(NamedTuple):
 
     @classmethod
     def at_rest(cls, time: float, q: ArrayLike, foot_force: ArrayLike, height: float) -> Observation:
-        """Observation of an upright robot that does not move; arguments as the fields of the same names.
+        """Return the observation of an upright robot that does not move.
 
-        ``time`` [s], ``q`` (L, 3) [rad], ``foot_force`` (L,) [N], ``height`` [m].
+        ``time`` [s], ``q`` (L, 3) [rad], ``foot_force`` (L,) [N] and ``height`` [m] are the fields of the same names.
         """
         angles, upwards = np.asarray(q, dtype=float), np.array([0.0, 0.0, 1.0])
         force = np.asarray(foot_force, dtype=float)
@@ -56,32 +56,33 @@ class Observation(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A controller's answer for one tick (A section 4).
+    """What a controller commands for one control tick (A section 4).
 
-    With ``q`` alone the robot's servos turn the joints to these angles. With ``torque``, ``kp`` or ``kd`` each joint
-    gives the torque ``torque + kp (q - angle) - kd rate`` instead, at every time step and at most the servo's
-    ``max_torque``; what is not given counts as zero.
+    With q alone, the robot's servos turn the joints to these angles. If torque, kp or kd is given, the servos are off
+    and each joint applies the torque "torque + kp (q - angle) - kd rate" at every time step, limited to the max_torque
+    of the servo. Of the three, those that are None count as zero.
 
     Parameters
     ----------
     q
         Wanted joint angles (L, 3) [rad].
     stance
-        Legs that are to carry (L,), bool.
+        Whether each leg is in stance, (L,) bool.
     phase
-        Running number of the gait phase, from 0.
+        Number of the current gait phase, counted from 0 at the start of the walk.
     extending
-        Whether legs are reaching for lost ground.
+        Whether feet without contact are moving down to find the ground (A Fig. 6).
     limited
-        Legs (L,), bool, whose foot target was out of reach or of the joint limits and was clipped; None if no leg's.
+        Whether each leg's foot target was out of reach or beyond the joint limits and was clipped, (L,) bool; None if
+        no target was.
     diagnostics
-        Numbers by name that become columns of the recording; the same names at every tick.
+        Numbers by name, which become columns of the recording. The names must be the same at every tick.
     torque
-        Torques (L, 3) [N m] that are added; None if none are.
+        Torques (L, 3) [N m] that are added, or None.
     kp
-        Stiffness (L, 3) [N m/rad], not negative; None if there is none.
+        Stiffness (L, 3) [N m/rad], not negative, or None.
     kd
-        Damping (L, 3) [N m s/rad], not negative; None if there is none.
+        Damping (L, 3) [N m s/rad], not negative, or None.
     """
 
     q: Array
@@ -96,10 +97,10 @@ class Command(NamedTuple):
 
 
 def check_command(command: object, num_legs: int) -> Command:
-    """Return ``command`` with arrays of the right shapes and kinds, for a robot of ``num_legs`` legs.
+    """Return ``command`` with all fields as arrays and numbers of the right types, for a robot of ``num_legs`` legs.
 
-    Raises InvalidInputError, which names the field, for what is no Command, for a wrong shape, a value that is not
-    finite, flags that are not bool, a negative gain, and for diagnostics that are not numbers.
+    Raises InvalidInputError, which names the field, for a wrong shape, a value that is not finite, flags that are not
+    bool, a negative stiffness or damping, and diagnostics that are not numbers; also if ``command`` is not a Command.
     """
     if not isinstance(command, Command):
         raise InvalidInputError(f"expected a hexakin.Command, got {command!r:.80}")
@@ -138,25 +139,28 @@ def _number(name: object, value: Any) -> float:
 
 
 class ControlRun(Protocol):
-    """One run of a controller: it holds the state from tick to tick (A section 4)."""
+    """One run of a controller; it keeps the controller's state from tick to tick (A section 4)."""
 
     def command(self, observation: Observation) -> Command:
-        """Return the command for the tick that begins with ``observation``."""
+        """Return the command for the control tick that begins with ``observation``."""
 
 
 class Controller(Protocol):
-    """A controller is a value that can be started any number of times; equal runs give equal commands (A section 4)."""
+    """A controller: a value that can start any number of runs (A section 4).
+
+    Two runs that receive equal observations return equal commands.
+    """
 
     @property
     def robot(self) -> Robot:
-        """The robot that it was made for."""
+        """The robot that the controller was made for."""
 
     @property
     def phases_per_cycle(self) -> int:
-        """Gait phases in a cycle."""
+        """Number of gait phases in a cycle."""
 
     def parameters(self) -> dict[str, Any]:
-        """Every parameter but the robot, by name, fit for JSON."""
+        """Return all parameters except the robot, by name, as values that JSON can store."""
 
     def start(self, observation: Observation, control_rate: float) -> ControlRun:
-        """Begin a run with an ``observation``; ``control_rate`` [Hz] is how often ``command`` will be called."""
+        """Begin a run at ``observation``; its ``command`` will be called ``control_rate`` [Hz] times per second."""

@@ -1,8 +1,8 @@
-"""Paper A's walking controller: tripod gait with height and posture control (A section 4)."""
+"""Paper A's walking controller: a tripod gait with control of height and posture (A section 4)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,43 +26,47 @@ FIRST_PHASES = ("full_stride", "half_stride")
 
 @dataclass(frozen=True)
 class PostureController:
-    """Tripod gait with A's control of height (k_z), pitch (k_alpha) and roll (k_beta).
+    """Tripod gait with paper A's control of height (k_z), pitch (k_alpha) and roll (k_beta) (A section 4).
 
-    All gains zero are the paper's "simple control".
-
-    Raises InvalidInputError or UnknownNameError for a parameter out of its range.
+    With all three gains zero it is the paper's "simple control". Raises InvalidInputError for a number out of its range
+    or a robot without six legs, and UnknownNameError for an unknown option.
 
     Parameters
     ----------
     robot
-        The robot to walk; six legs.
+        A robot with six legs.
     k_z, k_alpha, k_beta
-        Gains in [0, 1] (A(27), A(29)).
+        Gains in [0, 1] for height, pitch and roll (A(27), A(29)).
     stride, apex
-        Length and rise of a swing [m]; assumed, the paper gives neither.
+        Length and height of a swing [m]. The values are assumed, because the paper does not give them.
     phase_duration
-        t_g [s], the duration of one swing.
+        Duration of one swing, t_g [s].
     reading
-        How A(28)-(31) move a stance foot. ``"as_printed"``: every foot by the same rotated displacement.
-        ``"rotate_foothold"``: the foothold itself is turned too, so that the torso turns to the ground.
+        How A(28)-(31) are read for a foot in stance. ``"as_printed"``: all feet move by the same rotated displacement.
+        ``"rotate_foothold"``: the foothold is rotated too, so that the torso becomes parallel to the ground.
     start_from
-        Where a phase begins: at the foot of the ``"actual"`` joint angles (A(12)) or of the last ``"command"``.
+        Where the feet are at the start of a phase: at the ``"actual"`` joint angles (A(12)) or at the last
+        ``"command"``.
     reference_height
-        Height [m] to keep; None is the standing height of the robot.
+        Height [m] that the controller keeps; None means the standing height of the robot.
     first_phase
-        ``"full_stride"`` from the standing footholds, or ``"half_stride"``, which centres the strokes on them.
+        ``"full_stride"``: the first phase has the full stride. ``"half_stride"``: it has half the stride, so that later
+        strokes are centred on the standing footholds.
     estimate_every
-        Phases between estimates of slope and height: 1, or 2 for once a gait cycle.
+        Number of phases between estimates of slope and height: 1, or 2 for once per gait cycle.
     extension_speed, max_extension
-        How fast [m/s] and how far [m] feet without contact reach down for it at a phase change (A Fig. 6).
+        Speed [m/s] and largest distance [m] at which feet without contact move down at a phase change (A Fig. 6).
     seed
-        Chooses the triples of feet.
+        Seed of the random choice of three feet for the ground plane.
+    gait
+        Not an argument: the tripod gait of the robot.
     """
 
     robot: Robot
     k_z: float = 0.8
     k_alpha: float = 0.6
     k_beta: float = 0.0
+    _: KW_ONLY
     stride: float = 0.05
     apex: float = 0.03
     phase_duration: float = 1.0
@@ -96,41 +100,52 @@ class PostureController:
 
     @property
     def phases_per_cycle(self) -> int:
-        """Gait phases in a cycle."""
+        """Number of gait phases in a cycle."""
         return self.gait.phases_per_cycle
 
     @property
     def reference(self) -> float:
-        """The height [m] that k_z pulls towards."""
+        """The height [m] that the controller keeps."""
         return standing_height(self.robot) if self.reference_height is None else self.reference_height
 
     def parameters(self) -> dict[str, Any]:
-        """Every parameter but the robot, by name."""
+        """Return all parameters except the robot, by name."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("robot", "gait")}
 
     def start(self, observation: Observation, control_rate: float) -> PostureRun:
-        """Begin a run that is asked for a command ``control_rate`` [Hz] times a second."""
+        """Begin a run at ``observation``; its ``command`` is called ``control_rate`` [Hz] times per second."""
         return PostureRun(self, observation, control_rate)
 
     def swing_displacement(self, delta_z: float) -> Array:
-        """Where a swing ends relative to its start (3,) [m], A(27)."""
+        """Displacement (3,) [m] of a foot from the start to the end of a swing, A(27).
+
+        ``delta_z`` [m] is the measured height minus the reference height.
+        """
         return self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
 
     def stance_displacement(self, p_body_foot: Array, delta_z: float, delta_alpha: float, delta_beta: float) -> Array:
-        """Where stance feet (L, 3) [m] end relative to their start, (L, 3), A(28)-(31)."""
+        """Displacement (L, 3) [m] of the feet from the start to the end of a stance phase, A(28)-(31).
+
+        ``p_body_foot`` (L, 3) [m] are the feet at the start. ``delta_z`` [m] is the measured height minus the reference
+        height; ``delta_alpha`` and ``delta_beta`` [rad] are the slope angles of the ground.
+        """
         pitch = axis_rotation(self.robot.right, self.k_alpha * delta_alpha)
         roll = axis_rotation(self.robot.forward, self.k_beta * delta_beta)
         rotation = pitch @ roll
         # A(30)
         t = -self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
         if self.reading == "as_printed":
-            # A(29): the translation of the product is the rotated vector, the same for every foot.
+            # A(29): the translation of the product of transforms is the rotated vector, the same for all feet.
             return np.broadcast_to(rotation @ t, p_body_foot.shape)
         return (p_body_foot + t) @ rotation - p_body_foot  # rows: R^T (p_0 + t) - p_0
 
 
 class PostureRun:
-    """One run of a PostureController; the state that it carries from tick to tick."""
+    """One run of a PostureController; it keeps the state from tick to tick (A section 4).
+
+    ``controller`` is the PostureController, ``observation`` the first one, and ``control_rate`` [Hz] the number of
+    commands per second. Raises InvalidInputError if the phase duration is not a whole number of control ticks.
+    """
 
     def __init__(self, controller: PostureController, observation: Observation, control_rate: float):
         self._controller = controller
@@ -148,7 +163,10 @@ class PostureRun:
         self._misfit = float("nan")
 
     def command(self, observation: Observation) -> Command:
-        """Return the command of this tick; at a phase change the ground is sensed first (A Fig. 6)."""
+        """Return the command of the tick that begins with ``observation``.
+
+        At a phase change, slope and height of the ground are estimated first (A Fig. 6).
+        """
         if self._tick == 0:
             support = supporting_feet(observation.foot_force)
             feet = forward_kinematics(self._controller.robot, observation.q)
@@ -181,7 +199,7 @@ class PostureRun:
         self._swing = swing_control_points(self._start, swing, c.robot.forward, part * c.stride, c.apex)
 
     def _extend(self, support: NDArray[np.bool_]) -> Command:
-        """Fewer than three usable contacts: every foot without one goes on downwards, the others wait."""
+        """Command if no triple of contacts is usable: feet without contact move down, the others stay."""
         self._extended += self._extension_step
         down = np.where(support[:, None], 0.0, [0.0, 0.0, -self._extension_step])
         target = forward_kinematics(self._controller.robot, self._q) + down
@@ -190,7 +208,7 @@ class PostureRun:
     def _answer(self, target: Array, *, stance: NDArray[np.bool_], extending: bool) -> Command:
         robot = self._controller.robot
         solution = inverse_kinematics(robot, target)
-        # An unreachable foot keeps its last command, one beyond a joint limit stops at it; both are reported.
+        # A leg with an unreachable foot keeps its last command. A joint stops at its limit. Both are reported.
         q = np.where(solution.reachable[:, None], solution.q, self._q)
         self._q = np.clip(q, robot.q_min, robot.q_max)
         diagnostics = {

@@ -1,8 +1,9 @@
-"""Walking by velocity commands: forward, sideways and turning, changed on the way, with any gait.
+"""Walking by velocity commands: forward, sideways and turning, with any gait.
 
-Feet in stance move against the body, turned about the vertical by the commanded rate; feet in swing are put where the
-middle of their next stance will be the standing foothold. A leg whose foot stands at home and is not asked to move does
-not swing, so that the robot stops on all feet. A robot that lies on its torso stands up first.
+The command may change during the walk. In the body frame, feet in stance move opposite to the commanded motion of the
+body. Feet in swing land where the middle of their next stance is the standing foothold. A leg that stands on its
+standing foothold while the command is zero does not swing, so that the robot stops on all feet. A robot that lies on
+its torso stands up first. The method is hexakin's own.
 """
 
 from __future__ import annotations
@@ -24,12 +25,16 @@ from hexakin.robot.model import Robot, check_robot
 from hexakin.transforms import axis_rotation, cross_matrix
 from hexakin.walking.gait import Gait, gait_of
 
-_AT_HOME = 1e-4  # [m]
-_STILL = 1e-6  # [m/s], at a foot
+_AT_HOME = 1e-4  # [m] A foot that is closer to its standing foothold need not swing.
+_STILL = 1e-6  # [m/s] A foot whose commanded speed is lower need not swing.
 
 
 class Twist(NamedTuple):
-    """Velocity of the body: ``forward`` and ``left`` [m/s] along its own axes, ``turn`` [rad/s], counter-clockwise."""
+    """Velocity command of the body, in the body frame.
+
+    ``forward`` and ``left`` are speeds [m/s] in these directions; ``turn`` is the turning rate [rad/s],
+    counter-clockwise seen from above.
+    """
 
     forward: float = 0.0
     left: float = 0.0
@@ -43,30 +48,34 @@ STILL = Twist()
 class SteeringController:
     """A controller that follows velocity commands; for ``simulate`` and ``feasibility.commanded_walk``.
 
-    Raises InvalidInputError or UnknownNameError for parameters out of range and for a gait that leaves too few legs on
-    the ground; UnreachableError or JointLimitError, naming the leg, if a constant command's strokes cannot be made, or,
-    when it begins, if the feet of a robot that lies cannot be put on the ground.
+    Raises InvalidInputError for a number out of its range and for a gait that leaves too few legs on the ground, and
+    UnknownNameError for an unknown gait. Raises UnreachableError or JointLimitError, which name the leg, if the legs
+    cannot make the strokes of a constant command; ``start`` raises them if the feet of a lying robot cannot reach
+    footholds on the ground.
 
     Parameters
     ----------
     robot
-        The robot to walk.
+        The robot that walks.
     twist
-        The command, or a function of time [s] that returns it.
+        The velocity command, or a function that returns it at a time [s].
     gait
-        By name (``hexakin.gait.GAITS``) or a Gait.
+        A Gait, or the name of one (``hexakin.gait.GAITS``).
     cycle_duration
-        Of the gait [s].
+        Duration of a gait cycle [s].
     apex
-        Rise of a swing [m].
+        Height of a swing [m].
     body_height
-        Of the body's origin over the ground [m]; None is the standing height.
+        Height of the body's origin above the ground [m]; None means the standing height.
     response
-        Cycles in which the followed command changes by as much as the largest one so far: legs start from home,
-        where the last to swing would otherwise be dragged through a whole stroke.
+        Limits how fast the controller follows a new command: a change as large as the largest command so far takes
+        this number of cycles. At the start all feet are on their standing footholds; without this limit the last legs
+        to swing would be in stance for a whole stroke from there.
     rise_duration
-        Time [s] in which the feet are brought from where they are to the standing footholds before walking begins. If
-        the robot lies, they are put on the ground, all at once, in half of this time, and lift the body in the other.
+        Time [s] in which the feet move from where they are to the standing footholds, before the walk begins. If the
+        robot lies, all feet move to the ground in the first half of this time, and lift the body in the second half.
+    home
+        Not an argument: the standing footholds (L, 3) [m] in the body frame, on level ground.
     """
 
     robot: Robot
@@ -98,7 +107,7 @@ class SteeringController:
 
     @property
     def phases_per_cycle(self) -> int:
-        """Gait phases in a cycle."""
+        """Number of gait phases in a cycle."""
         return self._gait.phases_per_cycle
 
     @property
@@ -107,11 +116,14 @@ class SteeringController:
         return self.gait
 
     def command_at(self, time: float) -> Twist:
-        """Return the command at a time [s]."""
+        """Return the command at ``time`` [s].
+
+        Raises InvalidInputError if the function of time returns anything but three finite numbers.
+        """
         return _checked(self.twist(time)) if callable(self.twist) else self.twist
 
     def parameters(self) -> dict[str, Any]:
-        """Every parameter but the robot, by name."""
+        """Return all parameters except the robot, by name."""
         gait = self._gait
         twist = getattr(self.twist, "__qualname__", "a function") if callable(self.twist) else self.twist._asdict()
         named = {"gait": gait.name, "duty_factor": gait.duty_factor, "offsets": list(gait.offsets), "twist": twist}
@@ -119,22 +131,32 @@ class SteeringController:
         return {**named, **{name: getattr(self, name) for name in rest}}
 
     def start(self, observation: Observation, control_rate: float) -> SteeringRun:
-        """Begin a run that is asked for a command ``control_rate`` [Hz] times a second."""
+        """Begin a run at ``observation``; its ``command`` is called ``control_rate`` [Hz] times per second."""
         return SteeringRun(self, observation, control_rate)
 
     def velocity(self, twist: Twist, p_body_foot: Array) -> Array:
-        """Velocity (L, 3) [m/s] against the body of ground points (L, 3) [m] in the body frame."""
+        """Velocity (L, 3) [m/s] of points of the ground relative to the body, in the body frame.
+
+        The body moves with ``twist``; ``p_body_foot`` (L, 3) [m] are the points in the body frame.
+        """
         robot = self.robot
         return -(
             twist.forward * robot.forward - twist.left * robot.right + np.cross([0.0, 0.0, twist.turn], p_body_foot)
         )
 
     def landing(self, twist: Twist) -> Array:
-        """Where feet are put down (L, 3) [m]: half a stance ahead of home."""
+        """Points (L, 3) [m] in the body frame at which swings end: half a stroke ahead of the standing footholds.
+
+        A foot that stays on the ground there, while the body moves with ``twist``, is at its standing foothold in the
+        middle of the stance.
+        """
         return _moved(self, twist, self.home, -0.5 * self._gait.duty_factor * self.cycle_duration)
 
     def _refuse(self, twist: Twist) -> None:
-        """Raise if the two ends of a stroke or the top of a swing are impossible; time counts from mid-stance."""
+        """Raise if the legs cannot reach the two ends of a stroke or the top of a swing.
+
+        The times in the error message count from the middle of the stance.
+        """
         half = 0.5 * self._gait.duty_factor * self.cycle_duration
         ends = np.array([*(_moved(self, twist, self.home, t) for t in (-half, half)), self.home + [0, 0, self.apex]])
         solution = inverse_kinematics(self.robot, ends)
@@ -142,13 +164,18 @@ class SteeringController:
 
 
 class SteeringRun:
-    """One run of a SteeringController; the state that it carries from tick to tick."""
+    """One run of a SteeringController; it keeps the state from tick to tick.
+
+    ``controller`` is the SteeringController, ``observation`` the first one, and ``control_rate`` [Hz] the number of
+    commands per second. Raises UnreachableError or JointLimitError, which name the leg, if the feet of a lying robot
+    cannot reach footholds on the ground.
+    """
 
     def __init__(self, controller: SteeringController, observation: Observation, control_rate: float):
         self._controller, self._dt = controller, 1.0 / control_rate
         self._q = np.array(observation.q)
         self._feet = forward_kinematics(controller.robot, self._q)
-        self._lifted = self._feet.copy()  # where each swing began
+        self._lifted = self._feet.copy()  # position of each foot at the start of its last swing
         self._swings = np.zeros(controller.robot.num_legs, dtype=bool)
         self._twist, self._largest = Twist(), np.zeros(3)
         self._time = -controller.rise_duration
@@ -158,7 +185,7 @@ class SteeringRun:
             self._touchdown = footholds_to_rise_on(controller.robot, controller.home, ground)
 
     def command(self, observation: Observation) -> Command:
-        """Return the command of this tick."""
+        """Return the command of the tick that begins with ``observation``."""
         c = self._controller
         self._time += self._dt
         if self._time <= 0.0:
@@ -169,7 +196,7 @@ class SteeringRun:
         share = c._gait.swing_share(cycle)
         landing = c.landing(self._twist)
         begins = ~np.isnan(share) & np.isnan(c._gait.swing_share(cycle - self._dt / c.cycle_duration))
-        # At the first tick, swings that begin now; a leg that would be in the middle of one waits for its next.
+        # At the first tick only swings that have just begun count; a leg in the middle of one waits for its next swing.
         duration = (1.0 - c._gait.duty_factor) * c.cycle_duration
         begins |= (self._time <= self._dt + 1e-12) & (np.nan_to_num(share, nan=1.0) * duration <= self._dt + 1e-9)
         needed = np.linalg.norm(self._feet - c.home, axis=1) > _AT_HOME
@@ -177,7 +204,7 @@ class SteeringRun:
         landed = self._swings & np.isnan(share)
         self._swings = np.where(begins, needed, self._swings & ~np.isnan(share))
         stance = forward_kinematics(c.robot, self._rolled())
-        # Feet lift off, and land, between this tick and the last one.
+        # Lift-off and landing take place between the last tick and this one; ``held`` is the share in stance before it.
         held = np.clip(1.0 - np.nan_to_num(share) * duration / self._dt, 0.0, 1.0)[:, None]
         self._lifted = np.where(begins[:, None], self._feet + held * (stance - self._feet), self._lifted)
         for leg in np.flatnonzero(landed):
@@ -190,7 +217,7 @@ class SteeringRun:
         return self._answer(self._swings, phase)
 
     def _rising(self) -> Array:
-        """Feet (L, 3) on their way to the standing footholds."""
+        """Feet (L, 3) [m] at this tick, before the walk begins, on their way to the standing footholds."""
         c = self._controller
         if self._touchdown is None:
             left = max(-self._time, 0.0) / self._dt
@@ -204,16 +231,16 @@ class SteeringRun:
         return self._touchdown + s**2 * (3.0 - 2.0 * s) * rise
 
     def _follow(self, wanted: Twist) -> None:
-        """Move the command that is followed towards the one that is given."""
+        """Change the followed command towards the given one, at the rate that ``response`` allows."""
         c = self._controller
         self._largest = np.maximum(self._largest, np.abs(wanted))
         step = self._largest * self._dt / (c.response * c.cycle_duration)
         self._twist = Twist(*(self._twist + np.clip(np.subtract(wanted, self._twist), -step, step)))
 
     def _rolled(self) -> Array:
-        """Angles (L, 3) a tick later of legs in stance: their spherical feet roll on the ground without slipping.
+        """Angles (L, 3) [rad] of legs in stance one tick later: spherical feet roll on the ground without slipping.
 
-        The point of the foot that touches the ground is at rest, and so its centre is not.
+        The point of the foot that touches the ground is at rest, therefore the centre of the foot moves.
         """
         robot, up = self._controller.robot, np.array([0.0, 0.0, 1.0])
         q = self._q
@@ -221,7 +248,7 @@ class SteeringRun:
             lever = -robot.foot_radius * up
             slide = contact_jacobian(jacobian(robot, q), joint_axes(robot, q), cross_matrix(lever))
             contact = forward_kinematics(robot, q) + lever
-            # The pseudo-inverse: a leg that is stretched straight gives what it can.
+            # With the pseudo-inverse a stretched leg moves in the directions that it still can.
             rate = (np.linalg.pinv(slide, rcond=1e-6) @ self._controller.velocity(self._twist, contact)[..., None])[
                 ..., 0
             ]
@@ -249,16 +276,20 @@ def _checked(twist: Any) -> Twist:
 
 
 def _moved(controller: SteeringController, twist: Twist, feet: Array, duration: float) -> Array:
-    """Ground points (L, 3) after the body has moved with a constant twist for a duration [s], in the body frame."""
+    """Points of the ground (L, 3) [m] in the body frame, after the body has moved with a twist for a duration [s]."""
     robot, angle = controller.robot, twist.turn * duration
-    # The body's path is an arc: its mean direction is turned by half the angle, its chord sinc times its length.
+    # The body's path is an arc. Its chord is turned by half the angle and is sinc(half the angle) times as long.
     chord = duration * np.sinc(angle / (2.0 * np.pi)) * (twist.forward * robot.forward - twist.left * robot.right)
     way = axis_rotation([0.0, 0.0, 1.0], 0.5 * angle) @ chord
     return (feet - way) @ axis_rotation([0.0, 0.0, 1.0], angle)
 
 
 def _arc(start: Array, end: Array, start_slope: Array, end_slope: Array, share: Array, apex: float) -> Array:
-    """Swing (L, 3) at a share of it: a cubic between these slopes, so that feet leave and meet the ground at rest."""
+    """Feet (L, 3) [m] when a ``share`` (L,) of the swing is completed.
+
+    The path is a cubic with the given slopes [m] per swing at its ends, so that feet have no velocity relative to the
+    ground when they leave and meet it, plus a bump of height ``apex`` [m].
+    """
     s = share[:, None]
     u = 1.0 - s
     over = u**2 * ((1.0 + 2.0 * s) * start + s * start_slope) + s**2 * ((3.0 - 2.0 * s) * end - u * end_slope)

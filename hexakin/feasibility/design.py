@@ -125,7 +125,9 @@ def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> 
     """
     question = _Question(robot, slope, friction, None)
     torque_margin = question.free("torque_margin", 0.0, -50.0, robot.servo.max_torque)
-    question.height = question.free("height", question.height, 0.0, 1.0)
+    # The origin may lie below the ground; the torso may not.
+    lowest = min(0.0, -float(robot.torso_corners[:, 2].max()))
+    question.height = question.free("height", question.height, lowest, 1.0)
     question.pitch = question.free("pitch", 0.0, -1.0, 1.0)
     question.shift = question.free("shift", 0.0, -0.2, 0.2)
     question.torque_margin = torque_margin
@@ -199,7 +201,7 @@ class _Question:
         check_number("friction", self.friction, at_least=0.0)
         check_number("slope", self.slope, at_least=-np.pi / 2, at_most=np.pi / 2, unit="rad")
         if self.body_height is not None:
-            check_number("body_height", self.body_height, above=0.0, unit="m")
+            check_number("body_height", self.body_height, unit="m")
         self.height: Any = standing_height(robot) if self.body_height is None else self.body_height
         self.limit = robot.servo.max_torque if self.max_torque is None else self.max_torque
         check_number("max_torque", self.limit, above=0.0, unit="N m")

@@ -1,1 +1,1 @@
-"""Records of motion that producers make and consumers read: recordings, plans, motions, and measures of them."""
+"""Data of motions: recordings of simulations, planned walks, a common form of both, and measures of them."""

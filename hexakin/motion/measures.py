@@ -1,4 +1,4 @@
-"""Paper A's measures: root mean squares per gait cycle, medians and quartiles over cycles (A section 5.2)."""
+"""Paper A's measures: root mean squares of each gait cycle, median and quartiles over the cycles (A section 5.2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hexakin.transforms import transform_points
 
 
 class Quartiles(NamedTuple):
-    """Lower quartile, median and upper quartile of a sample."""
+    """Quartiles of a sample: ``lower`` quartile, ``median`` and ``upper`` quartile, in the unit of the sample."""
 
     lower: float
     median: float
@@ -23,16 +23,24 @@ class Quartiles(NamedTuple):
 
     @property
     def iqr(self) -> float:
-        """Interquartile range."""
+        """Interquartile range, in the unit of the sample."""
         return self.upper - self.lower
 
 
 @dataclass(frozen=True)
 class CycleMeasures:
-    """Root mean square in each whole gait cycle, (n_cycles,) each.
+    """Measures of each of c whole gait cycles (A section 5.2).
 
-    ``height`` [m] of the torso, ``pitch_rate`` and ``roll_rate`` [rad/s]. ``torso_contact`` and ``limb_contact``
-    are the shares of the cycle's ticks in which the torso, or a limb other than a foot, touched the ground.
+    Parameters
+    ----------
+    height
+        Root mean square (c,) [m] of the torso's height.
+    pitch_rate, roll_rate
+        Root mean squares (c,) [rad/s] of the pitch rate and of the roll rate.
+    torso_contact
+        Share (c,) of the cycle's ticks at which the torso touched the ground.
+    limb_contact
+        Share (c,) of the cycle's ticks at which a coxa, femur or tibia touched the ground.
     """
 
     height: Array
@@ -47,7 +55,11 @@ class CycleMeasures:
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square of a sample (n,)."""
+    """Root mean square of a sample.
+
+    ``values`` (n,) is the sample, in any unit; the result has the same unit. Raises InvalidInputError if the sample is
+    empty or if a value is not finite.
+    """
     sample = check_array("values", values, ())
     if sample.size == 0:
         raise InvalidInputError("values: the root mean square of an empty sample is not defined")
@@ -55,7 +67,11 @@ def rms(values: ArrayLike) -> float:
 
 
 def quartiles(values: ArrayLike) -> Quartiles:
-    """Quartiles of a sample (n,), linearly interpolated; raises InvalidInputError for an empty one or a NaN."""
+    """Quartiles of a sample, linearly interpolated.
+
+    ``values`` (n,) is the sample, in any unit; the result has the same unit. Raises InvalidInputError if the sample is
+    empty or if a value is not finite.
+    """
     sample = check_array("values", values, ())
     if sample.size == 0:
         raise InvalidInputError("values: the quartiles of an empty sample are not defined")
@@ -63,37 +79,43 @@ def quartiles(values: ArrayLike) -> Quartiles:
 
 
 def body_rates(recording: Recording) -> tuple[Array, Array]:
-    """Pitch rate about the axis to the right and roll rate about the axis ahead, (n,) each [rad/s], at the ticks."""
+    """Pitch rate and roll rate, (n,) [rad/s] each, at the n ticks of ``recording``.
+
+    The pitch rate is about the body's axis to the right, the roll rate about its axis forward.
+    """
     omega = recording.body_angular_velocity
     return omega @ recording.right, omega @ recording.forward
 
 
 def mean_square_rates(recording: Recording) -> tuple[Array, Array]:
-    """Mean squares of pitch and roll rate over the physics steps of the tick before, (n,) each [rad^2/s^2]."""
+    """Mean squares of the pitch rate and of the roll rate, (n,) [rad^2/s^2] each, for the n ticks of ``recording``.
+
+    Each mean is over the physics steps of the tick before.
+    """
     axes = (recording.right, recording.forward)
     pitch, roll = (np.einsum("i,nij,j->n", axis, recording.body_rate_moment, axis) for axis in axes)
     return pitch, roll
 
 
 def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps") -> CycleMeasures:
-    """Measures of every gait cycle that the recording holds whole.
+    """Measures of all whole gait cycles of ``recording`` (A section 5.2).
 
-    ``rates`` are taken over every physics ``"steps"`` or, as an IMU read at the control rate would have them, at the
-    ``"ticks"`` alone: these miss most of the motion, since the torso tips for a few hundredths of a second after a
-    change of phase and is at rest again by the next tick.
+    ``rates`` selects the samples of the pitch and roll rates: all physics ``"steps"``, or only the ``"ticks"``, as for
+    an IMU that is read at the control rate. The ticks miss most of the motion, because the torso tips for a few
+    hundredths of a second after a change of phase and is at rest again by the next tick.
 
-    Raises InvalidInputError if there is no whole cycle.
+    Raises InvalidInputError if there is no whole cycle, and UnknownNameError for other ``rates``.
     """
     if rates not in ("steps", "ticks"):
         raise UnknownNameError("rates", rates, ["steps", "ticks"])
     cycle = recording.cycle
-    # The last cycle is whole if its last phase is there and as long as the shortest before it.
+    # The last cycle is whole if it contains its last phase, and if this phase is as long as the shortest phase before.
     per_phase = np.bincount(recording.phase)
     ended = (recording.phase[-1] + 1) % recording.parameters["phases_per_cycle"] == 0
     ended = ended and len(per_phase) > 1 and per_phase[-1] >= per_phase[:-1].min()
     whole = [k for k in range(cycle[-1] + 1) if k < cycle[-1] or ended]
     if not whole:
-        raise InvalidInputError(f"recording: {recording.time[-1]:g} s hold no whole gait cycle")
+        raise InvalidInputError(f"recording: no whole gait cycle in {recording.time[-1]:g} s")
     squares = mean_square_rates(recording) if rates == "steps" else [rate**2 for rate in body_rates(recording)]
     ticks = [cycle == k for k in whole]
     return CycleMeasures(
@@ -106,7 +128,11 @@ def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps
 
 
 def slips(recording: Recording) -> Array:
-    """Largest way (p,) [m] that a foot in stance slid in each phase, from the first tick in which it was loaded."""
+    """Largest distance (p,) [m] by which a foot in stance slips in each of the p gait phases of ``recording``.
+
+    The distance is measured from the foot's position at the first tick of the phase at which it carries load. Ticks at
+    which feet are moving down to find the ground are left out.
+    """
     feet = transform_points(recording.T_world_body, recording.p_body_foot)
     found = []
     for phase in np.unique(recording.phase):

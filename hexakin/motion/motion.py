@@ -1,4 +1,4 @@
-"""A motion of body and legs over time: what checks and animations read of plans, recordings and commanded walks."""
+"""A motion of body and legs over time: the common form in which plans, recordings and commanded walks are checked."""
 
 from __future__ import annotations
 
@@ -16,12 +16,26 @@ from hexakin.transforms import inverse_pose, transform_points
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Body and legs at n instants.
+    """Motion of the body and of L legs at n instants.
 
-    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_body_foot`` (n, L, 3) [m], where the feet's centres should be;
-    ``q`` (n, L, 3) [rad], NaN where no angles lead there; ``carrying`` (n, L), the feet that the ground carries;
-    ``clipped`` (n, L), targets that were out of reach or limits and were left; ``ground_height`` (n, L) [m] below each
-    foot, or None if the terrain says it; ``touch`` [m], how deep a foot in the air may be in the ground.
+    Parameters
+    ----------
+    time
+        Instants (n,) [s].
+    T_world_body
+        Poses (n, 4, 4) of the body in the world.
+    p_body_foot
+        Positions (n, L, 3) [m] of the feet's centres in the body frame, as planned, commanded or recorded.
+    q
+        Joint angles (n, L, 3) [rad], NaN where the foot's position cannot be reached.
+    carrying
+        Which feet carry load, (n, L) bool.
+    clipped
+        Which foot targets were out of reach or beyond the joint limits and were clipped, (n, L) bool.
+    ground_height
+        Height (n, L) [m] of the ground below each foot; None means that it is taken from the terrain.
+    touch
+        Largest depth [m] at which a foot that carries no load may be in the ground.
     """
 
     time: Array
@@ -35,7 +49,12 @@ class Motion:
 
 
 def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
-    """Return what is checked of a plan, or of a recording: there, what the robot did, on the feet that were loaded."""
+    """Return a plan or a recording as a Motion.
+
+    ``motion`` is a WalkPlan, a Recording, or a Motion, which is returned unchanged. For a recording the result is the
+    recorded motion, with the feet that carried load; a foot in the air may then be up to 2 mm in the ground. Raises
+    InvalidInputError for another type.
+    """
     if isinstance(motion, Motion):
         return motion
     if isinstance(motion, WalkPlan):
@@ -49,7 +68,8 @@ def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
             motion.ground_height,
         )
     if isinstance(motion, Recording):
-        loaded = motion.foot_force > 0.0  # mean over a tick: a foot that has just lost the ground may still touch it
+        # This force is a mean over the tick before, so that a foot that has just lifted off still counts as loaded.
+        loaded = motion.foot_force > 0.0
         return Motion(
             motion.time, motion.T_world_body, motion.p_body_foot, motion.q, loaded, motion.limited, touch=2e-3
         )

@@ -1,7 +1,8 @@
-"""What a simulation leaves behind: time series per control tick and the parameters that made them."""
+"""Recording of a simulated walk: time series with one row per control tick, and the parameters of the simulation."""
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import zipfile
@@ -19,28 +20,31 @@ from hexakin.exceptions import RecordingError
 
 _FORMAT = "hexakin-recording-4"
 _OLDER = ("hexakin-recording-3",)
-_DIAGNOSTIC = "diagnostics/"  # before a diagnostic's name in a file
-_FORMER_COLUMNS = ("delta_z", "delta_alpha", "delta_beta", "plane_misfit")  # of format 3; diagnostics since
+_DIAGNOSTIC = "diagnostics/"  # prefix of the diagnostics' names in a file
+_FORMER_COLUMNS = ("delta_z", "delta_alpha", "delta_beta", "plane_misfit")  # diagnostics since format 4
 
 
 def _column(shape: tuple[str | int, ...], unit: str, text: str, kind: str = "f") -> dict[str, Any]:
-    """Describe a column: the ``shape`` of one row ("L" for the legs), its unit, what it is, and NumPy's kind."""
+    """Describe a column: the shape of one row ("L" is the number of legs), the unit, the meaning and NumPy's kind."""
     return {"shape": shape, "unit": unit, "text": text, "kind": kind}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """Time series of n control ticks of a robot with L legs; row k is the instant ``time[k]`` (A section 5.2)."""
+    """Recording of a simulated walk with L legs, at n control ticks (A section 5.2).
+
+    Row k of each array belongs to ``time[k]``, the start of tick k. "The tick before" lasts from row k - 1 to row k.
+    """
 
     time: Array = field(metadata=_column((), "s", "start of the tick"))
     T_world_body: Array = field(metadata=_column((4, 4), "m", "pose of the body in the world"))
-    body_velocity: Array = field(metadata=_column((3,), "m/s", "of the body's origin, in the world frame"))
-    body_angular_velocity: Array = field(metadata=_column((3,), "rad/s", "in the body frame (the IMU)"))
+    body_velocity: Array = field(metadata=_column((3,), "m/s", "velocity of the body's origin, in the world frame"))
+    body_angular_velocity: Array = field(metadata=_column((3,), "rad/s", "angular velocity, in the body frame (IMU)"))
     body_rate_moment: Array = field(
-        metadata=_column((3, 3), "1/s^2", "mean of w w^T over the steps of the tick before, w as above")
+        metadata=_column((3, 3), "1/s^2", "mean of w w^T over the steps of the tick before, w the angular velocity")
     )
     height: Array = field(
-        metadata=_column((), "m", "infrared range: body origin to ground, along the body's downward axis")
+        metadata=_column((), "m", "distance from the body's origin to the ground along its downward axis (infrared)")
     )
     q: Array = field(metadata=_column(("L", 3), "rad", "joint angles"))
     joint_velocity: Array = field(
@@ -48,38 +52,40 @@ class Recording:
     )
     q_command: Array = field(metadata=_column(("L", 3), "rad", "commanded joint angles at this instant"))
     joint_torque: Array = field(
-        metadata=_column(("L", 3), "N m", "of the servos, last physics step before this instant")
+        metadata=_column(("L", 3), "N m", "torques of the servos, in the last physics step before this instant")
     )
     p_body_foot: Array = field(metadata=_column(("L", 3), "m", "foot centres in the body frame"))
-    foot_force: Array = field(metadata=_column(("L",), "N", "normal, mean over the tick before"))
+    foot_force: Array = field(metadata=_column(("L",), "N", "normal forces on the feet, mean over the tick before"))
     foot_force_last: Array = field(
-        metadata=_column(("L",), "N", "normal, in the last physics step before this instant")
+        metadata=_column(("L",), "N", "normal forces on the feet, in the last physics step before this instant")
     )
-    torso_force: Array = field(metadata=_column((), "N", "normal, mean over the tick before"))
+    torso_force: Array = field(metadata=_column((), "N", "normal force on the torso, mean over the tick before"))
     limb_force: Array = field(
-        metadata=_column((), "N", "normal, of all coxae, femora and tibiae, mean over the tick before")
+        metadata=_column((), "N", "sum of the normal forces on coxae, femora and tibiae, mean over the tick before")
     )
-    penetration: Array = field(metadata=_column((), "m", "deepest contact of the tick before"))
-    energy: Array = field(metadata=_column((), "J", "kinetic and potential; NaN if the engine does not know it"))
-    servo_work: Array = field(metadata=_column((), "J", "put in by the servos during the tick before; NaN likewise"))
+    penetration: Array = field(metadata=_column((), "m", "largest penetration of any contact in the tick before"))
+    energy: Array = field(metadata=_column((), "J", "kinetic and potential energy; NaN if not computed"))
+    servo_work: Array = field(metadata=_column((), "J", "work of the servos in the tick before; NaN if not computed"))
     contact_work: Array = field(
-        metadata=_column((), "J", "put in by the contacts during the tick before; NaN likewise")
+        metadata=_column((), "J", "work of the contacts in the tick before; NaN if not computed")
     )
     solver_residual: Array = field(
-        metadata=_column((), "1", "largest of the contact solver in the tick before; NaN likewise")
+        metadata=_column((), "1", "largest residual of the contact solver in the tick before; NaN if not computed")
     )
-    phase: NDArray[np.int_] = field(metadata=_column((), "1", "running number of the gait phase", "i"))
-    stance: NDArray[np.bool_] = field(metadata=_column(("L",), "bool", "legs commanded to carry", "b"))
-    extending: NDArray[np.bool_] = field(metadata=_column((), "bool", "feet are reaching for lost ground", "b"))
+    phase: NDArray[np.int_] = field(metadata=_column((), "1", "number of the gait phase, counted from 0", "i"))
+    stance: NDArray[np.bool_] = field(
+        metadata=_column(("L",), "bool", "whether the leg is in stance, as commanded", "b")
+    )
+    extending: NDArray[np.bool_] = field(metadata=_column((), "bool", "whether feet move down to find the ground", "b"))
     limited: NDArray[np.bool_] = field(
-        metadata=_column(("L",), "bool", "foot target clipped (out of reach or joint limits)", "b")
+        metadata=_column(("L",), "bool", "whether the foot target was clipped (reach or joint limits)", "b")
     )
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> Array:
-        """Diagnostics by their names, as ``recording.delta_z``."""
-        # Not yet there while an object is being copied or unpickled.
+        """Return the diagnostic of this name, as in ``recording.delta_z``."""
+        # The attribute is missing while an object is being copied or unpickled.
         diagnostics = self.__dict__.get("diagnostics", {})
         if name in diagnostics:
             return diagnostics[name]
@@ -87,7 +93,7 @@ class Recording:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """Every column by its name, the diagnostics among them; the first axis of each (n, ...) is time."""
+        """All columns by name, diagnostics included; the first axis of each array (n, ...) is time."""
         return {column.name: getattr(self, column.name) for column in _COLUMNS} | dict(self.diagnostics)
 
     @property
@@ -97,23 +103,24 @@ class Recording:
 
     @property
     def cycle(self) -> NDArray[np.int_]:
-        """Running number (n,) of the gait cycle."""
+        """Number (n,) of the gait cycle at each tick, counted from 0."""
         return self.phase // int(self.parameters["phases_per_cycle"])
 
     @property
     def forward(self) -> Array:
-        """Unit vector (3,) of walking in the body frame."""
+        """Unit vector (3,) of the walking direction, in the body frame."""
         return np.array(self.parameters["robot"]["forward"])
 
     @property
     def right(self) -> Array:
-        """Unit vector (3,) to the right of walking in the body frame."""
+        """Unit vector (3,) to the right of the walking direction, in the body frame."""
         return np.cross(self.forward, [0.0, 0.0, 1.0])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the recording to ``path`` as a NumPy ``.npz`` archive; the file appears whole or not at all.
+        """Write the recording to ``path`` as a NumPy ``.npz`` archive.
 
-        Raises OSError where it cannot be written.
+        The suffix ``.npz`` is added if it is missing. The file is written under another name and then renamed, so that
+        it is never incomplete. Raises OSError if it cannot be written.
         """
         target = Path(path)
         if target.suffix != ".npz":
@@ -135,7 +142,7 @@ _COLUMNS: tuple[Field, ...] = tuple(column for column in fields(Recording) if co
 
 
 def _described() -> str:
-    """Recording's docstring with its columns as a table."""
+    """Return the docstring of Recording with a table of its columns."""
     rows = []
     for column in _COLUMNS:
         shape = ", ".join(["n", *map(str, column.metadata["shape"])])
@@ -146,7 +153,7 @@ def _described() -> str:
     line = "  ".join("=" * width for width in widths)
     head = "  ".join(text.ljust(width) for text, width in zip(("field", "shape", "unit", ""), widths, strict=True))
     table = "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)
-    return f"""{Recording.__doc__}
+    return f"""{inspect.cleandoc(Recording.__doc__ or "")}
 
 {line}
 {head.rstrip()}
@@ -154,8 +161,9 @@ def _described() -> str:
 {table}
 {line}
 
-``diagnostics`` maps each name that the controller gave to an array (n,) [in the controller's unit]; ``recording.name``
-is the same. ``parameters`` is a JSON-like mapping: robot, terrain, controller, engine, steps, seed and versions.
+``diagnostics`` maps the name of each diagnostic of the controller to an array (n,) [in the controller's unit];
+``recording.name`` is the same array. ``parameters`` maps names to values that JSON can store: robot, terrain,
+controller, engine, time steps, seed and versions of the packages.
 """
 
 
@@ -163,7 +171,7 @@ Recording.__doc__ = _described()
 
 
 def _plain(value: Any) -> Any:
-    """NumPy numbers and arrays as JSON has them."""
+    """Return a NumPy number or array as a Python number or list, for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{value!r:.80} cannot be stored with a recording")
@@ -173,9 +181,10 @@ _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyEr
 
 
 def load_recording(path: str | os.PathLike[str]) -> Recording:
-    """Read what ``Recording.save`` wrote to ``path``, also by hexakin 0.1.
+    """Read the recording that ``Recording.save`` wrote to ``path``; files of hexakin 0.1 can be read too.
 
-    Raises RecordingError, naming file and fault, for a file that is missing, truncated, damaged or of another kind.
+    Raises RecordingError, which names the file and the fault, if the file is missing, truncated, damaged or not a
+    recording.
     """
     names = [column.name for column in _COLUMNS]
     try:
@@ -188,7 +197,7 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
                 stored = _brought_up(stored)
             missing = [name for name in names if name not in stored] + ["parameters"] * ("parameters" not in archive)
             if missing:
-                raise RecordingError(f"{path}: lacks {', '.join(missing)}")
+                raise RecordingError(f"{path}: {', '.join(missing)} missing")
             parameters = json.loads(str(archive["parameters"]))
     except FileNotFoundError as error:
         raise RecordingError(f"{path}: no such file") from error
@@ -203,17 +212,17 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
 
 
 def _brought_up(stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Columns of an older format as they are stored now; rates that were not recorded are NaN."""
+    """Convert columns of an older format to the current one; joint rates, which it does not contain, become NaN."""
     columns = {_DIAGNOSTIC + name if name in _FORMER_COLUMNS else name: values for name, values in stored.items()}
     return columns | {"joint_velocity": np.full(stored["q"].shape, np.nan)}
 
 
 def _check(path: str, columns: dict[str, np.ndarray], diagnostics: dict[str, np.ndarray], parameters: Any) -> None:
-    """Raise RecordingError unless shapes, kinds and the parameters that others rely on are those of the table."""
+    """Raise RecordingError unless all shapes and types match the fields and all required parameters are present."""
     time = columns["time"]
     legs = columns["q"].shape[1] if columns["q"].ndim == 3 else 0
     if time.ndim != 1 or len(time) == 0 or legs == 0:
-        raise RecordingError(f"{path}: time {time.shape} and q {columns['q'].shape} are not those of a recording")
+        raise RecordingError(f"{path}: time {time.shape} and q {columns['q'].shape} are not the shapes of a recording")
     expected = {column.name: (column.metadata["shape"], column.metadata["kind"]) for column in _COLUMNS}
     for name, array in {**columns, **diagnostics}.items():
         trailing, kind = expected.get(name, ((), "f"))
@@ -222,4 +231,4 @@ def _check(path: str, columns: dict[str, np.ndarray], diagnostics: dict[str, np.
             raise RecordingError(f"{path}: {name} has shape {array.shape} of {array.dtype}, expected {shape}")
     needed = ("robot", "phases_per_cycle", "controller", "control_rate")
     if not isinstance(parameters, dict) or any(name not in parameters for name in needed):
-        raise RecordingError(f"{path}: its parameters lack one of {', '.join(needed)}")
+        raise RecordingError(f"{path}: its parameters must contain {', '.join(needed)}")

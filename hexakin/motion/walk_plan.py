@@ -1,4 +1,4 @@
-"""A planned walk: what paper B's planner makes."""
+"""A planned walk, the result of paper B's planner."""
 
 from __future__ import annotations
 
@@ -14,13 +14,34 @@ from hexakin.checks import Array
 
 @dataclass(frozen=True, eq=False)
 class WalkPlan:
-    """A planned walk of n samples, L legs and k steps.
+    """A planned walk of L legs and k steps, at n samples of time (B section 3).
 
-    ``time`` (n,) [s]; ``T_world_body`` (n, 4, 4); ``p_world_foot`` (n, L, 3) [m], the feet that the leg's kinematics
-    moves (the centre of a spherical foot); ``q`` (n, L, 3) [rad], NaN where not ``reachable`` (n, L);
-    ``within_limits`` (n, L); ``stance`` (n, L); ``footholds`` (k + 1, L, 3) [m], where the feet touch the ground;
-    ``ground_height`` (n, L) [m] of the terrain below (or above) each foot; ``arch`` (k, L), the height of each swing
-    in heights of the paper's cycloid; ``foot_radius`` [m]; ``parameters`` of ``plan_walk``.
+    Parameters
+    ----------
+    time
+        Times (n,) [s] of the samples.
+    T_world_body
+        Poses (n, 4, 4) of the body in the world.
+    p_world_foot
+        Positions (n, L, 3) [m] of the feet in the world; for a spherical foot, of its centre.
+    q
+        Joint angles (n, L, 3) [rad], NaN where a foot is not reachable.
+    stance
+        Whether each leg is in stance, (n, L) bool.
+    reachable
+        Whether each foot can be reached, (n, L) bool.
+    within_limits
+        Whether the angles of each leg are within the joint limits, (n, L) bool.
+    footholds
+        Points (k + 1, L, 3) [m] at which the feet touch the ground, at the start and after each step.
+    ground_height
+        Height (n, L) [m] of the ground at the horizontal position of each foot.
+    arch
+        Factor (k, L), a number without unit, on the height of the paper's cycloid, for each swing.
+    foot_radius
+        Radius [m] of the feet; 0 for feet that are points.
+    parameters
+        The parameters of ``plan_walk``, by name.
     """
 
     time: Array
@@ -38,5 +59,5 @@ class WalkPlan:
 
     @property
     def clearance(self) -> Array:
-        """Height (n, L) [m] of each foot's lowest point above the ground; negative where a swing cuts through it."""
+        """Height (n, L) [m] of each foot's lowest point above the ground; negative where a foot is in the ground."""
         return self.p_world_foot[..., 2] - self.foot_radius - self.ground_height

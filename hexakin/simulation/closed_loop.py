@@ -1,4 +1,4 @@
-"""The closed loop: a controller at its control rate on a simulated robot (A section 5.1)."""
+"""Closed-loop simulation: a controller at its control rate and a robot in a simulation engine (A section 5.1)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from hexakin.engines import Engine, Reading, TorqueLaw, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import __version__
 from hexakin.kinematics.forward import forward_kinematics, standing_height
-from hexakin.motion.clearance import foot_gaps, torso_gaps
+from hexakin.motion.clearance import way_to_ground
 from hexakin.motion.recording import Recording
 from hexakin.robot.model import Robot, check_robot
 from hexakin.terrain.base import Terrain, check_terrain
-from hexakin.transforms import pose, rotation_between, transform_points
+from hexakin.transforms import pose, rotation_between
 
-_START_CLEARANCE = 1e-3  # [m] between the feet and the ground at the start
+_START_CLEARANCE = 1e-3  # [m] smallest gap between the robot and the ground at the start
 
 
 def simulate(
@@ -44,25 +44,54 @@ def simulate(
     force_sampling: Literal["mean", "last"] = "mean",
     **engine_options: Any,
 ) -> Recording:
-    """Walk ``robot`` over ``terrain`` and record what happens.
+    """Simulate a walk of a robot under a controller, and return its recording.
 
-    The robot is put on the terrain at the origin, upright on its local slope, in the standing pose or with the angles
-    ``q_start`` (L, 3) [rad], such as ``hexakin.rising.lying_q``,
-    each off by up to ``perturbation`` [rad], drawn from ``seed``; it settles for ``settling_time``
-    [s] under its servos before ``controller`` takes over at ``control_rate`` [Hz]. ``duration`` and ``time_step`` are
-    in s; the run ends sooner when ``max_cycles`` gait cycles are whole. ``force_sampling`` says which foot forces the
-    controller reads: the ``"mean"`` over the tick before, or those of its ``"last"`` step, in which chatter shows.
-    ``engine`` is "pybullet" or "rigid"; ``engine_options`` are those of its class. Equal arguments give equal
-    recordings.
+    The robot is placed over the origin of the terrain, upright on the local slope. It settles under its servos, and
+    then the controller takes over. Equal arguments give equal recordings.
 
-    Raises UnknownNameError for an unknown engine, InvalidInputError for a terrain or number that cannot
-    be used, SimulationError when the state is no longer finite or the robot falls out of the scene.
+    Raises UnknownNameError for an unknown engine, engine option, ``force_sampling`` or terrain; InvalidInputError for a
+    number, controller or command that cannot be used; JointLimitError, which names the leg, if an angle at the start is
+    beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns over.
+
+    Parameters
+    ----------
+    robot
+        The robot that walks.
+    terrain
+        The ground.
+    controller
+        A controller that was made for this robot.
+    engine
+        ``"pybullet"`` or ``"rigid"``.
+    duration
+        Duration [s] of the walk, without settling.
+    max_cycles
+        The walk ends earlier after this number of gait cycles; None means that it does not.
+    time_step
+        Time step [s] of the engine. A control tick must be a whole number of time steps.
+    control_rate
+        Number of control ticks per second [Hz].
+    friction, restitution
+        Coefficients of friction and of restitution of all contacts.
+    seed
+        Seed of the perturbation.
+    perturbation
+        Largest size [rad] of the random numbers that are added to the joint angles at the start, see ``seed``.
+    q_start
+        Joint angles (L, 3) [rad] at the start, for example ``hexakin.rising.lying_q``; None means the standing pose.
+    settling_time
+        Time [s] in which the robot settles before the controller takes over.
+    force_sampling
+        Which foot forces the controller receives: the ``"mean"`` over the tick before, or those of its ``"last"`` time
+        step, which contain the chatter of the contacts.
+    **engine_options
+        Options of the class of the engine.
     """
     check_robot(robot)
     check_terrain(terrain)
     if not isinstance(getattr(controller, "robot", None), Robot):
         raise InvalidInputError(
-            f"controller: expected one such as hexakin.PostureController(robot), got {controller!r:.80}"
+            f"controller: expected a controller such as hexakin.PostureController(robot), got {controller!r:.80}"
         )
     if controller.robot is not robot and controller.robot.description() != robot.description():
         raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")
@@ -121,17 +150,16 @@ def simulate(
 
 
 def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:
-    """Pose (4, 4) of the body over the origin, upright on the local slope, just off the ground.
+    """Pose (4, 4) of the body over the origin, with its z axis normal to the ground there.
 
-    What is lowest above it, a foot or the torso, is a millimetre away.
+    At the joint angles ``q`` (L, 3) [rad], the foot or the part of the torso that is closest to the ground of
+    ``terrain`` is 1 mm above it.
     """
     normal = terrain.normal(0.0, 0.0)
     rotation = rotation_between([0.0, 0.0, 1.0], normal)
     ground = np.array([0.0, 0.0, float(terrain.height(0.0, 0.0))])
     T = pose(rotation, ground + standing_height(robot) * normal)
-    feet = transform_points(T, forward_kinematics(robot, q))
-    lowest = min(foot_gaps(robot, terrain, feet).min(), torso_gaps(robot, terrain, T))
-    T[:3, 3] += (_START_CLEARANCE - lowest) * normal
+    T[:3, 3] += way_to_ground(robot, terrain, T, q, normal, gap=_START_CLEARANCE) * normal
     return T
 
 
@@ -154,7 +182,11 @@ def _whole(ratio: float, what: str, time_step: float) -> int:
 
 
 def torso_height(terrain: Terrain, T_world_body: Array) -> float:
-    """Infrared range [m]: from the body's origin along its downward axis to the ground; inf if it sees none."""
+    """Distance [m] from the body's origin to the ground along the body's downward axis (infrared sensor).
+
+    ``T_world_body`` (4, 4) is the pose of the body over ``terrain``. The result is inf if the axis does not meet the
+    ground.
+    """
     return float(terrain.distance_along(T_world_body[:3, 3], -T_world_body[:3, 2]))
 
 
@@ -204,19 +236,19 @@ def _observation(time: float, reading: Reading, foot_force: Array, height: float
 
 
 def _checked(controller: Controller, command: object, time: float, first: Command | None) -> Command:
-    """The command of a tick; InvalidInputError that names the controller for one that cannot be used."""
+    """Check the command of a tick; InvalidInputError names the controller if the command cannot be used."""
     try:
         checked = check_command(command, controller.robot.num_legs)
         if first is not None and checked.diagnostics.keys() != first.diagnostics.keys():
             odd = sorted(checked.diagnostics.keys() ^ first.diagnostics.keys())
-            raise InvalidInputError(f"diagnostics: {', '.join(odd)} not at every tick")
+            raise InvalidInputError(f"diagnostics: {', '.join(odd)} missing at some ticks")
     except InvalidInputError as error:
         raise InvalidInputError(f"command of {type(controller).__name__} at t = {time:g} s: {error}") from error
     return checked
 
 
 def _torque_law(command: Command) -> TorqueLaw | None:
-    """The torques that a command asks for; None if the servos are to follow its angles."""
+    """Return the torque law of a command, or None if the servos follow its angles."""
     given = (command.kp, command.kd, command.torque)
     if all(values is None for values in given):
         return None

@@ -1,4 +1,4 @@
-"""What is checked: a motion of body and legs over time, planned by a walker, commanded by a controller or recorded."""
+"""The motion that a controller commands, computed with ideal servos instead of an engine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from hexakin.checks import Array, check_number, check_whole
 from hexakin.control.interface import Controller, Observation, check_command
 from hexakin.kinematics.forward import forward_kinematics
-from hexakin.motion.clearance import foot_gaps
+from hexakin.motion.clearance import foot_gaps, way_to_ground
 from hexakin.motion.motion import Motion
 from hexakin.simulation.closed_loop import starting_pose, torso_height
 from hexakin.terrain.base import Terrain, check_terrain
@@ -18,11 +18,16 @@ from hexakin.transforms import pose, transform_points
 def commanded_walk(
     controller: Controller, terrain: Terrain, *, num_cycles: int = 4, control_rate: float = 20.0
 ) -> Motion:
-    """Walk as a controller commands it, carried out by ideal servos: feet in stance stay where they are.
+    """Motion of a robot whose joints follow a controller's commands exactly, with feet in stance that do not move.
 
-    The body starts in the standing pose over the origin and follows the feet that carry it. The controller is told that
-    these and all feet within 2 mm of the ground are loaded. On ground that is not plane, feet end their swing above it
-    or in it, and so the motion is that of the commands alone; simulate it to see what comes of them.
+    The body starts in the standing pose over the origin; its pose then follows from the feet in stance. In the
+    observations, these feet and all feet within 2 mm of the ground carry equal shares of the weight. On uneven ground a
+    swing may end above the ground or in it, because the motion results from the commands alone; ``simulate`` shows how
+    the robot would walk there.
+
+    ``controller`` is the controller, ``terrain`` the ground, ``num_cycles`` the number of gait cycles, and
+    ``control_rate`` [Hz] the number of commands per second. Raises UnknownNameError for another kind of terrain and
+    InvalidInputError for a number out of its range or a command that cannot be used.
     """
     check_terrain(terrain)
     check_whole("num_cycles", num_cycles, at_least=1)
@@ -32,9 +37,9 @@ def commanded_walk(
     run, samples, tick = None, [], 0
     T, feet = starting_pose(robot, terrain, q), forward_kinematics(robot, q)
     world = transform_points(T, feet)
-    down = foot_gaps(robot, terrain, world).min() * T[:3, 2]
-    T[:3, 3] -= down
-    world -= down
+    way = way_to_ground(robot, terrain, T, q, T[:3, 2], gap=0.0, torso=False) * T[:3, 2]
+    T[:3, 3] += way
+    world += way
     loaded = np.ones(robot.num_legs, dtype=bool)
     q_before, T_before = q, T
     while True:
@@ -65,12 +70,15 @@ def commanded_walk(
 
 
 def _body_rate(T_before: Array, T: Array, control_rate: float) -> Array:
-    """Mean angular velocity (3,) [rad/s] between two poses that are a tick apart, in the body frame."""
+    """Mean angular velocity (3,) [rad/s], in the body frame, between two poses one tick apart."""
     return control_rate * Rotation.from_matrix(T_before[:3, :3].T @ T[:3, :3]).as_rotvec()
 
 
 def _follow(body: Array, world: Array, T_before: Array) -> Array:
-    """Pose (4, 4) that brings feet (k, 3) in the body frame closest to their places in the world; before, if k < 3."""
+    """Pose (4, 4) at which k feet ``body`` (k, 3) [m] in the body frame are closest to ``world`` (k, 3) [m].
+
+    With fewer than three feet it is the pose before.
+    """
     if len(body) < 3:
         return T_before
     center, target = body.mean(axis=0), world.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Support polygon, zero-moment point and stability margin (A(32)-(33))."""
+"""Support polygon and stability margin (A(33))."""
 
 from __future__ import annotations
 

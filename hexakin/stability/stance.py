@@ -19,7 +19,7 @@ from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jac
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot, check_robot
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.terrain.base import Terrain
+from hexakin.terrain.base import Terrain, check_terrain
 from hexakin.transforms import cross_matrix, transform_points
 
 _UNIT = 1e-6  # how far from 1 the length of a unit normal may be
@@ -126,6 +126,7 @@ def contacts_of(
     from hexakin import dynamics
 
     check_robot(robot)
+    check_terrain(terrain)
     legs = robot.num_legs
     T = _exactly("T_world_body", T_world_body, (4, 4))
     angles = _exactly("q", q, (legs, NUM_JOINTS), ("leg", "joint"))

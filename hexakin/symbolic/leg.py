@@ -2,7 +2,7 @@
 
 ``derive`` gives the expressions; ``hexakin.symbolic.generate`` turns them into numeric code. That of the shipped leg
 types lies in ``hexakin.generated``, rewritten by ``python -m hexakin.symbolic``; a leg type that is not there is
-derived when it is first used. Only this module, ``code_program`` and ``code_generation`` import sympy.
+derived when it is first used. Only the package ``hexakin.symbolic`` imports sympy.
 """
 
 from __future__ import annotations
