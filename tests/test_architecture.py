@@ -163,3 +163,28 @@ def test_a_public_name_is_what_its_path_says():
         module, _, attribute = place.partition(":")
         value = importlib.import_module(module)
         assert getattr(hk, name) is (getattr(value, attribute) if attribute else value)
+
+
+# Compiled functions of the rigid engine and its contact solver pass arrays one by one.
+COMPILED = {"solve_impulses", "solve_impact", "_solve_torques", "march"}
+
+
+def test_functions_take_at_most_twelve_positional_arguments():
+    many = set()
+    for module, path in installation.modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and ".generated" not in module:
+                names = [a.arg for a in node.args.posonlyargs + node.args.args]
+                if len(names) - (names[:1] in (["self"], ["cls"])) > 12:
+                    many.add(node.name)
+    assert many <= COMPILED
+
+
+def test_no_module_imports_a_private_name_of_another():
+    for module, path in installation.modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hexakin"):
+                private = [
+                    alias.name for alias in node.names if alias.name.startswith("_") and alias.name != "__version__"
+                ]
+                assert not private, f"{module}: {private} of {node.module}"

@@ -1,4 +1,7 @@
-"""Simulation engines behind one interface; an engine's package is imported when the engine is made."""
+"""Simulation engines with a common interface, which is hexakin's own.
+
+The Python package of an engine is imported only when its class is requested.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,16 @@ ENGINES = {
     "pybullet": ("hexakin.engines.pybullet_engine", "PyBulletEngine"),
     "rigid": ("hexakin.engines.rigid_engine", "RigidEngine"),
 }
-"""Name -> (module, class)."""
+"""The engines by name: (module, class) of each."""
 
 __all__ = ["ENGINES", "Engine", "Reading", "TorqueLaw", "engine_class"]
 
 
 def engine_class(name: str) -> type[Engine]:
-    """Return the engine of this name; raises UnknownNameError, or MissingPackageError if its package is missing."""
+    """Return the class of the engine called ``name``.
+
+    Raises UnknownNameError for an unknown name, and MissingPackageError if the engine's package is not installed.
+    """
     if not isinstance(name, str) or name not in ENGINES:
         raise UnknownNameError("engine", name, sorted(ENGINES))
     module, attribute = ENGINES[name]

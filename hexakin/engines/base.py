@@ -1,4 +1,4 @@
-"""What every simulation engine offers."""
+"""The interface of all simulation engines, which is hexakin's own."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from hexakin.terrain.base import Terrain
 
 
 class TorqueLaw(NamedTuple):
-    """Torques that joints give instead of following their servos: ``torque + kp (q_command - angle) - kd rate``.
+    """Law of the joint torques that replace the servos: torque + kp (q_command - angle) - kd rate.
 
-    ``kp`` (L, 3) [N m/rad], ``kd`` (L, 3) [N m s/rad], ``torque`` (L, 3) [N m]. They act at every time step, each at
-    most the servo's ``max_torque``.
+    ``kp`` (L, 3) [N m/rad] is the stiffness, ``kd`` (L, 3) [N m s/rad] the damping and ``torque`` (L, 3) [N m] a
+    constant part. The law is evaluated at every time step; each torque is limited to the servo's ``max_torque``.
     """
 
     kp: Array
@@ -26,22 +26,43 @@ class TorqueLaw(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """State and sensors after a control tick (A section 5.1).
+    """State and sensor values after a control tick (A section 5.1).
 
-    ``T_world_body`` (4, 4) [m], ``body_velocity`` (3,) [m/s] of the body's origin in the world,
-    ``body_angular_velocity`` (3,) [rad/s] in the body frame (the IMU), ``q`` (L, 3) [rad] and ``joint_velocity`` (L, 3)
-    [rad/s], ``joint_torque`` (L, 3) [N m] of the servos at the last step. ``body_rate_moment`` (3, 3) [rad^2/s^2] is
-    the mean of w w^T over the tick's steps, w the angular velocity in the body frame: the mean square rate about a unit
-    axis a is a^T m a.
-
-    Normal contact forces [N] are means over the tick's steps: ``foot_force`` (L,), ``torso_force`` and ``limb_force``
-    (coxae, femora and tibiae together); ``foot_force_last`` (L,) is that of the last step alone.
-    ``penetration`` [m] is the deepest of any contact in the tick.
-
-    ``energy`` [J], kinetic and potential (of gravity, from the world's origin), is that at the end of the tick;
-    ``servo_work`` and ``contact_work`` [J] are what servos and contacts put in during the tick (contacts take out, so
-    theirs is negative); ``solver_residual`` is the largest relative residual of the contact solver. They are NaN for an
-    engine that does not know them.
+    Parameters
+    ----------
+    T_world_body
+        Pose (4, 4) of the body in the world.
+    body_velocity
+        Velocity (3,) [m/s] of the body's origin, in the world frame.
+    body_angular_velocity
+        Angular velocity (3,) [rad/s] of the body, in the body frame (IMU).
+    body_rate_moment
+        Mean (3, 3) [rad^2/s^2] of w w^T over the time steps of the tick, with w the angular velocity in the body frame.
+        The mean square rate about a unit axis a is a^T m a.
+    q
+        Joint angles (L, 3) [rad].
+    joint_velocity
+        Joint rates (L, 3) [rad/s].
+    joint_torque
+        Torques (L, 3) [N m] of the servos in the last time step.
+    foot_force
+        Normal forces (L,) [N] on the feet, mean over the tick.
+    foot_force_last
+        Normal forces (L,) [N] on the feet in the last time step.
+    torso_force
+        Normal force [N] on the torso, mean over the tick.
+    limb_force
+        Sum of the normal forces [N] on coxae, femora and tibiae, mean over the tick.
+    penetration
+        Largest penetration [m] of any contact in the tick.
+    energy
+        Kinetic and potential energy [J] at the end of the tick; the potential of gravity is zero at the world's origin.
+        This value and the next three are NaN for an engine that does not compute them.
+    servo_work, contact_work
+        Work [J] of the servos and of the contacts on the robot in the tick. Contacts dissipate energy, so that their
+        work is negative.
+    solver_residual
+        Largest relative residual of the contact solver in the tick.
     """
 
     T_world_body: Array
@@ -63,31 +84,36 @@ class Reading(NamedTuple):
 
 
 class Engine(ABC):
-    """A robot on a terrain with servo-driven joints. Use as a context manager; it owns a simulator.
+    """A robot with servo-driven joints on a terrain, in a simulator; to be used as a context manager.
 
-    ``packages`` are the distributions whose versions a recording names.
+    ``packages`` are the names of the Python packages whose versions are stored in a recording.
     """
 
     packages: tuple[str, ...] = ()
 
     @abstractmethod
     def __init__(self, robot: Robot, terrain: Terrain, *, time_step: float, friction: float, restitution: float):
-        """Load robot and terrain. ``time_step`` [s]; ``friction`` and ``restitution`` hold for every contact."""
+        """Load ``robot`` and ``terrain``.
+
+        ``time_step`` [s] is the duration of a step. ``friction`` and ``restitution`` are the coefficients of all
+        contacts.
+        """
 
     @abstractmethod
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
-        """Put the robot at rest with the pose ``T_world_body`` (4, 4) [m] and the joint angles ``q`` (L, 3) [rad]."""
+        """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
 
     @abstractmethod
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
-        """Drive the joints for ``num_steps`` time steps and read the sensors.
+        """Drive the joints for ``num_steps`` time steps, and return the state and sensor values after them.
 
-        The servos turn them towards ``q_command`` (L, 3) [rad]; with a ``torque_law`` it gives their torques instead.
+        The servos drive the joints towards ``q_command`` (L, 3) [rad]. If ``torque_law`` is not None, the joints apply
+        its torques instead.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Free the simulator."""
+        """Release the simulator; the engine cannot be used afterwards."""
 
     def __enter__(self) -> Engine:
         return self

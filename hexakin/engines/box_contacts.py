@@ -1,4 +1,8 @@
-"""Contacts of boxes with boxes, edges and corners included, found by coal (Pinocchio's collision library)."""
+"""Contacts between boxes, on faces, edges and corners, found by coal, the collision library of Pinocchio.
+
+coal is based on FCL: J. Pan, S. Chitta and D. Manocha, "FCL: A general purpose library for collision and
+proximity queries", 2012.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from hexakin.engines.ground_grid import Ground
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.numerics.numba_cache import Whole, compiled
 
-_FLUSH = 1e-3  # [m] how far from the deepest point two faces count as facing each other
+_FLUSH = 1e-3  # [m] depth below the deepest point up to which points belong to the contact patch
 
 
 class _PosedBox(NamedTuple):
@@ -30,9 +34,10 @@ def _posed(box: coal.Box, rotation: Array, center: Array) -> _PosedBox:
 
 
 class BoxTouch:
-    """The boxes of bodies against those of the ground and against each other.
+    """Search for contacts of the boxes of bodies with boxes of the ground and with each other.
 
-    ``body_pairs`` are the boxes that can meet because they float independently; those of one robot do not collide.
+    ``model``, ``shapes`` and ``ground`` are those of ``MoreauStepper``. ``body_pairs`` are the pairs of boxes that can
+    meet because their bodies move independently; boxes of the same robot do not collide.
     """
 
     def __init__(self, model: pin.Model, shapes: tuple[Sphere | Cuboid, ...], ground: Ground):
@@ -49,7 +54,11 @@ class BoxTouch:
         self._patches = coal.ContactPatchResult(self._patch_request)
 
     def add(self, data: pin.Data, pairs: Whole, margin: float, contacts: Contacts, count: int) -> int:
-        """Append the contacts of ``pairs`` (body's box, ground's box) and of bodies' boxes; returns the new count."""
+        """Append contacts to ``contacts``, which holds ``count`` of them, and return the new number.
+
+        They are the contacts of ``pairs`` (k, 2), which are numbers of a body's box and of a box of the ground, and of
+        the bodies with each other, with gaps of up to ``margin`` [m]. The bodies are at the poses in ``data``.
+        """
         self._request.security_margin = margin
         posed: dict[int, _PosedBox] = {}
 
@@ -96,7 +105,10 @@ def _gap(
     point: Array, normal: Array, R: Array, x: Array, half: Array, R_other: Array, x_other: Array, half_other: Array,
     otherwise: float,
 ) -> float:  # fmt: skip
-    """Distance of two boxes along the ``normal`` from the first to the second, on the line through a point."""
+    """Gap [m] between two boxes on the line through a point, along the ``normal`` from the first to the second.
+
+    The result is ``otherwise`` if the line misses one of the boxes or if the gap is smaller than that.
+    """
     reach = np.empty(2)
     for k in range(2):
         rotation, center, size, side = (R, x, half, 1.0) if k == 0 else (R_other, x_other, half_other, -1.0)
@@ -106,14 +118,14 @@ def _gap(
             for b in range(3):
                 start[a] += rotation[b, a] * (point[b] - center[b])
                 along[a] += side * rotation[b, a] * normal[b]
-        # The line leaves a box where it leaves the first of its three slabs; one that it runs along does not count.
+        # The line leaves a box where it first leaves one of its three slabs. Slabs parallel to the line are ignored.
         leave = np.inf
         for a in range(3):
             if abs(along[a]) > 1e-9:
                 leave = min(leave, (np.copysign(size[a], along[a]) - start[a]) / along[a])
         for a in range(3):
             if abs(start[a] + leave * along[a]) > size[a] + 1e-6:
-                return otherwise  # it passes the box by
+                return otherwise  # the line misses the box
         reach[k] = side * leave
     return max(reach[1] - reach[0], otherwise)
 

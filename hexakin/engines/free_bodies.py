@@ -1,4 +1,4 @@
-"""Balls and blocks as Pinocchio models, to try the contact mechanics of the rigid engine on what is known."""
+"""Balls and blocks as Pinocchio models, for tests of the rigid engine's contact mechanics against known solutions."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from hexakin.robot.model import GRAVITY
 
 
 class Ball(NamedTuple):
-    """A solid ball: ``mass`` [kg], ``radius`` [m]."""
+    """A solid ball with ``mass`` [kg] and ``radius`` [m]."""
 
     mass: float
     radius: float
 
 
 class Block(NamedTuple):
-    """A solid block: ``mass`` [kg], ``size`` (3,) [m]."""
+    """A solid block with ``mass`` [kg] and edge lengths ``size`` (3,) [m]."""
 
     mass: float
     size: tuple[float, float, float]
 
 
 def free_bodies(*bodies: Ball | Block) -> tuple[pin.Model, tuple[Sphere | Cuboid, ...]]:
-    """Return a model of floating bodies and their shapes, the arguments of ``MoreauStepper``.
+    """Return a Pinocchio model of free ``bodies`` and their shapes, the first two arguments of ``MoreauStepper``.
 
-    Body k has the configuration q[7 k:7 k + 7], position and quaternion xyzw of its centre, the velocity
-    v[6 k:6 k + 6], linear and angular in its own frame, and the group k.
+    The configuration of body k is q[7 k:7 k + 7]: position [m] of its centre and unit quaternion (xyzw). Its velocity
+    is v[6 k:6 k + 6]: linear [m/s] and angular [rad/s], both in the frame of the body. Its group is k. Raises
+    InvalidInputError for a mass or radius that is not positive and for a size that is not three finite numbers.
     """
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])

@@ -1,8 +1,8 @@
-"""Where bodies touch the ground: spheres and box corners against half spaces, boxes and triangles, compiled.
+"""Search for contacts of spheres and boxes with a ground of half spaces, boxes and triangles, compiled.
 
-A contact is a point where the distance between a body and the ground has a local minimum. That rule keeps
-both walls of a corner and drops the inner edges of a surface that is made of pieces: the seam between two level
-blocks or two triangles is no edge.
+A contact is a point where the distance between a body and the ground has a local minimum. With this rule a body in a
+corner has contacts with both walls, and there are no contacts with inner edges of a surface that consists of several
+pieces, such as the common edge of two level blocks or of two triangles. The method is hexakin's own.
 """
 
 from __future__ import annotations
@@ -16,24 +16,41 @@ from hexakin.checks import Array
 from hexakin.engines.ground_grid import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
 from hexakin.numerics.numba_cache import Whole, compiled
 
-_CANDIDATES = 64  # shapes looked at around one sphere
+_CANDIDATES = 64  # largest number of boxes and triangles near one sphere that are compared
 
 
 class Bodies(NamedTuple):
-    """Shapes on bodies and the tree that moves them.
+    """Shapes of bodies, and the joints that move them.
 
-    ``moves`` (joint, coordinate) tells whether the coordinate moves the joint's body; ``floating`` and ``hinges``
-    (k, 2) where the coordinates of free and revolute joints begin in q and v. ``meeting`` is true if bodies can meet
-    each other.
+    Parameters
+    ----------
+    sphere_joint, sphere_group
+        Joint and group (s,) of each sphere, as indices.
+    sphere
+        Centre in the joint's frame and radius (s, 4) [m] of each sphere.
+    box_joint, box_group
+        Joint and group (b,) of each box, as indices.
+    box_rotation
+        Rotation (b, 3, 3) of each box in the joint's frame.
+    box
+        Centre in the joint's frame and half edge lengths (b, 6) [m] of each box.
+    moves
+        Whether each coordinate of the velocity moves the body of each joint, (joints, nv) bool.
+    floating, hinges
+        For free joints and for joints of one coordinate: the indices (k, 2) of the first coordinate in q and in v.
+    servo, servo_q
+        Indices (m,) in v and in q of the joints with servos.
+    meeting
+        Whether bodies can touch each other.
     """
 
     sphere_joint: Whole
     sphere_group: Whole
-    sphere: Array  # (s, 4) centre and radius
+    sphere: Array
     box_joint: Whole
     box_group: Whole
-    box_rotation: Array  # (b, 3, 3)
-    box: Array  # (b, 6) centre and half sizes
+    box_rotation: Array
+    box: Array
     moves: NDArray[np.bool_]
     floating: Whole
     hinges: Whole
@@ -43,11 +60,22 @@ class Bodies(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts found.
+    """Contacts that the search has found, in arrays of a fixed capacity c.
 
-    ``bodies`` (c, 2) that touch (-1 is the ground), ``point`` and ``normal`` (c, 3) from the second to the first in the
-    world, ``gap`` (c,) [m], ``group`` (c,) that the first belongs to, and ``key`` (c,), the same from step to step as
-    long as the contact lasts, or -1.
+    Parameters
+    ----------
+    bodies
+        Joints (c, 2), as indices, of the two bodies; -1 is the ground.
+    point
+        Contact points (c, 3) [m] in the world.
+    normal
+        Unit vectors (c, 3) from the second body to the first, in the world.
+    gap
+        Distances (c,) [m] between the bodies, negative if they penetrate.
+    group
+        Group (c,), as an index, of the first body's shape.
+    key
+        A number (c,) that identifies the contact from step to step as long as it lasts, or -1.
     """
 
     bodies: Whole
@@ -59,7 +87,7 @@ class Contacts(NamedTuple):
 
 
 def empty_contacts(capacity: int) -> Contacts:
-    """Return room for ``capacity`` contacts."""
+    """Return arrays for ``capacity`` contacts, filled with zeros."""
     whole = np.zeros(capacity, dtype=np.int64)
     vectors = np.zeros((capacity, 3))
     return Contacts(
@@ -69,7 +97,7 @@ def empty_contacts(capacity: int) -> Contacts:
 
 @compiled
 def _extent(R: Array, half: Array, x: float, y: float, z: float) -> float:
-    """How far a box reaches from its centre along a direction."""
+    """Half the extent [m] of a box along the direction (x, y, z)."""
     reach = 0.0
     for a in range(3):
         reach += abs(R[0, a] * x + R[1, a] * y + R[2, a] * z) * half[a]
@@ -90,9 +118,11 @@ def sphere_contacts(
     contacts: Contacts,
     count: int,
 ) -> int:
-    """Append the contacts of a sphere with gaps up to ``margin``; returns the new count.
+    """Append the contacts of a sphere with gaps of up to ``margin`` [m]; return the new number of contacts.
 
-    A box corner is a sphere of radius 0; it looks at planes and triangles only.
+    ``contacts`` holds ``count`` contacts before. ``body`` and ``group`` are the joint and the group of the sphere, and
+    ``number`` the number of the sphere, for the contacts' keys; (``x``, ``y``, ``z``) [m] is its centre and ``radius``
+    [m] its radius. A corner of a box is a sphere of radius 0, for which the boxes of ``ground`` are left out.
     """
     shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
     for k in range(ground.planes.shape[0]):
@@ -162,9 +192,12 @@ def vertex_contacts(
     contacts: Contacts,
     count: int,
 ) -> int:
-    """Append the ground's peaks that poke into a body's box of half sizes ``half`` (3,), posed in the world.
+    """Append contacts of a body's box with vertices of ``ground`` that are in it; return the new number of contacts.
 
-    Of all peaks in a quarter of a face only the deepest counts: four points hold a box as well as a hundred.
+    ``R`` (3, 3) and ``center`` (3,) [m] are rotation and centre of the box in the world, and ``half`` (3,) [m] its half
+    edge lengths. ``body`` and ``group`` are its joint and group. Vertices outside the box by up to ``margin`` [m] count
+    too. ``contacts`` holds ``count`` contacts before. Of all vertices in a quarter of a face only the deepest is used,
+    because four points support a box as well as a hundred.
     """
     shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
     spread, local = np.empty(3), np.empty(3)
@@ -186,7 +219,7 @@ def vertex_contacts(
                         local[a] += R[b, a] * (ground.vertices[item, b] - center[b])
                     if half[a] - abs(local[a]) < depth:
                         depth, axis = half[a] - abs(local[a]), a
-                # The octant tells the side of the face and the quarter of it.
+                # The octant determines which of the two faces along the axis is meant, and the quarter of that face.
                 octant = (local[0] > 0.0) + 2 * (local[1] > 0.0) + 4 * (local[2] > 0.0)
                 if depth > deepest[8 * axis + octant]:
                     best[8 * axis + octant], deepest[8 * axis + octant] = item, depth
@@ -205,7 +238,10 @@ def vertex_contacts(
 
 @compiled
 def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float) -> bool:
-    """Whether the ground may reach into a box or come within ``margin`` of it."""
+    """Whether ``ground`` may penetrate a box or be within ``margin`` [m] of it; the box as for ``vertex_contacts``.
+
+    ``R`` (3, 3), ``center`` (3,) [m] and ``half`` (3,) [m] are its rotation, centre and half edge lengths.
+    """
     for k in range(ground.planes.shape[0]):
         P = ground.planes[k]
         gap = (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5]
@@ -226,7 +262,12 @@ def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float
 def box_pairs(
     ground: Ground, box: int, R: Array, center: Array, half: Array, margin: float, pairs: Whole, count: int
 ) -> int:
-    """Append (box, ground's box) for every box of the ground that meets the bounding box of a body's box."""
+    """Append pairs (``box``, box of the ground) to ``pairs`` (k, 2); return the new number of pairs.
+
+    The boxes of ``ground`` are those that meet the bounding box, widened by ``margin`` [m], of body's box number
+    ``box``. ``R`` (3, 3), ``center`` (3,) [m] and ``half`` (3,) [m] are rotation, centre and half edge lengths of this
+    box. ``pairs`` holds ``count`` pairs before.
+    """
     spread = np.empty(3)
     for a in range(3):
         spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
@@ -253,7 +294,10 @@ def box_pairs(
 
 @compiled
 def _center(P: Array, x: Array, out: Array) -> None:
-    """Point x of a joint's frame in the world; a pose's row is its rotation, column by column, and its translation."""
+    """Write point ``x`` of a joint's frame, in world coordinates, to ``out``.
+
+    ``P`` (12,) is the joint's pose: its rotation, column by column, and its translation.
+    """
     for a in range(3):
         out[a] = P[a] * x[0] + P[3 + a] * x[1] + P[6 + a] * x[2] + P[9 + a]
 
@@ -269,9 +313,11 @@ def _rotation(P: Array, R_joint: Array, out: Array) -> None:
 def find_contacts(
     poses: Array, bodies: Bodies, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
 ) -> tuple[int, int]:
-    """Seek contacts of spheres and boxes with the ground.
+    """Find the contacts of the shapes of ``bodies`` with ``ground`` that have gaps of up to ``margin`` [m].
 
-    Returns how many, and how many ``pairs`` (body's box, ground's box) are near; these are left to a library.
+    ``poses`` (joints, 12) are the joints' poses, each as a rotation, column by column, and a translation [m]. Returns
+    the number of contacts written to ``contacts``, and the number of ``pairs`` (body's box, box of the ground) that are
+    close to each other. The contacts of these pairs are computed by ``hexakin.engines.box_contacts``.
     """
     count, near, number, x = 0, 0, 0, np.empty(3)
     for k in range(bodies.sphere_joint.size):

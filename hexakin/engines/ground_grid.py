@@ -1,4 +1,4 @@
-"""A terrain sorted into a grid, and the point of it that is nearest to a point, compiled."""
+"""A terrain as shapes in the cells of a grid, and the search for its closest point, compiled."""
 
 from __future__ import annotations
 
@@ -11,17 +11,35 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.numerics.numba_cache import Whole, compiled
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 
-SAME = 1e-9  # [m] points this close are one
+SAME = 1e-9  # [m] points that are closer count as the same point
 
 
 class Ground(NamedTuple):
     """A terrain for the compiled search.
 
-    ``planes`` (k, 6): point and normal. ``boxes`` (b, 6): lower and upper corner. ``triangles`` (t, 12): three
-    vertices and the normal. ``vertices`` (w, 3) of the triangles. Boxes, triangles and vertices, in this order of
-    numbers, lie in the square cells that their footprints meet: ``items[start[c]:start[c + 1]]`` of cell
-    c = i * shape[1] + j, with the grid's ``corner`` (x, y) and ``cell`` size [m]; ``top`` (cells,) is the highest point
-    of each.
+    Boxes, triangles and vertices are items with consecutive numbers, in this order. Each square cell of a horizontal
+    grid has a list of the items whose projection meets it.
+
+    Parameters
+    ----------
+    planes
+        A point [m] and the unit normal of each plane (k, 6).
+    boxes
+        Lower and upper corner (b, 6) [m] of each box.
+    triangles
+        Three vertices [m] and the unit normal of each triangle (t, 12).
+    vertices
+        Vertices (w, 3) [m] of the triangles.
+    corner
+        Smallest x and y (2,) [m] of the grid.
+    cell
+        Edge length [m] of a cell.
+    shape
+        Numbers (2,) of cells in x and y. Cell (i, j) has the number c = i * shape[1] + j.
+    start, items
+        The items of cell c are ``items[start[c]:start[c + 1]]``.
+    top
+        Greatest height (cells,) [m] of the items of each cell; -inf for a cell without items.
     """
 
     planes: Array
@@ -37,7 +55,10 @@ class Ground(NamedTuple):
 
 
 def compile_ground(terrain: Terrain) -> Ground:
-    """Sort a terrain's shapes into a grid; raises InvalidInputError for a shape that is not known here."""
+    """Return the shapes of ``terrain`` in a grid, as a Ground.
+
+    Raises InvalidInputError for a type of shape that this engine does not support and for a triangle without area.
+    """
     planes, boxes, meshes = [], [], []
     for shape in terrain.shapes():
         if isinstance(shape, HalfSpace):
@@ -47,7 +68,7 @@ def compile_ground(terrain: Terrain) -> Ground:
         elif isinstance(shape, TriangleMesh):
             meshes.append(shape)
         else:
-            raise InvalidInputError(f"terrain: shape {shape!r:.80} is not known to engine 'rigid'")
+            raise InvalidInputError(f"terrain: shape {shape!r:.80} is not supported by engine 'rigid'")
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes] or [np.zeros((0, 3, 3))])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -65,7 +86,7 @@ def compile_ground(terrain: Terrain) -> Ground:
     areal = areal[areal > 0.0]
     corner = low.min(axis=0)
     span = high.max(axis=0) - corner
-    # About one shape to a cell, and never more than a million cells.
+    # About one shape per cell, and at most a million cells.
     cell = float(max(np.median(areal) if len(areal) else 1.0, np.sqrt(span[0] * span[1] / 1e6), 1e-6))
     shape = np.floor(span / cell).astype(np.int64) + 1
     first, last = np.floor((low - corner) / cell).astype(int), np.floor((high - corner) / cell).astype(int)
@@ -84,7 +105,10 @@ def compile_ground(terrain: Terrain) -> Ground:
 
 @compiled
 def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
-    """Closest point of a triangle, and whether it lies inside (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    """Closest point of a triangle to a point, and whether it is in the triangle's interior, not on its border.
+
+    C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5.
+    """
     ax, ay, az = T[0], T[1], T[2]
     ux, uy, uz = T[3] - ax, T[4] - ay, T[5] - az
     wx, wy, wz = T[6] - ax, T[7] - ay, T[8] - az
@@ -118,14 +142,18 @@ def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[flo
 
 @compiled
 def _box_distance(B: Array, x: float, y: float, z: float) -> float:
-    """Distance from a point to a box, 0 inside."""
+    """Distance [m] from a point to a box; 0 inside the box."""
     dx, dy, dz = max(B[0] - x, 0.0, x - B[3]), max(B[1] - y, 0.0, y - B[4]), max(B[2] - z, 0.0, z - B[5])
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @compiled
 def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: Array) -> None:
-    """Closest point (3), direction from it (3) and signed distance of one shape, into ``row`` (7,)."""
+    """Find the closest point of a box or triangle to the point (``x``, ``y``, ``z``) [m].
+
+    ``item`` is the number of the box or triangle of ``ground``. ``row`` (7,) is overwritten with the closest point (3),
+    the unit vector from there to the given point (3) and the signed distance, negative inside.
+    """
     if item < ground.boxes.shape[0]:
         B = ground.boxes[item]
         cx, cy, cz = min(max(x, B[0]), B[3]), min(max(y, B[1]), B[4]), min(max(z, B[2]), B[5])
@@ -134,7 +162,7 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
         if distance > 0.0:
             row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
         else:
-            # The centre is inside: out through the nearest face, but for the bottom.
+            # The point is inside the box: the direction is that to the nearest face other than the bottom.
             distance, row[3], row[4], row[5] = z - B[5], 0.0, 0.0, 1.0
             cz = B[5]
             for axis in range(2):
@@ -156,7 +184,7 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
             row[3], row[4], row[5] = T[9], T[10], T[11]
             distance = -distance if below else distance
         elif below:
-            distance = np.inf  # seen from behind, past its edge: a neighbour's business
+            distance = np.inf  # below the triangle's plane and beyond its edge: left to the adjacent triangle
         else:
             row[3], row[4], row[5] = dx / distance, dy / distance, dz / distance
     row[0], row[1], row[2], row[6] = cx, cy, cz, distance
@@ -164,7 +192,11 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
 
 @compiled
 def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
-    """Like ``nearest_point`` for a point that may be under ground: the plane of the triangle over or under it."""
+    """Find the closest point of the plane of a triangle, for a point that may be in the ground.
+
+    ``T`` (12,) is the triangle, and ``row`` (7,) as for ``nearest_point``. The distance in it is inf unless the point
+    (``x``, ``y``, ``z``) [m] is vertically above or below the triangle.
+    """
     row[6] = np.inf
     for k in range(3):
         a, b = 3 * k, 3 * ((k + 1) % 3)
@@ -177,7 +209,7 @@ def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> 
 
 @compiled
 def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
-    """Whether a point belongs to a box or triangle."""
+    """Whether the point (``x``, ``y``, ``z``) [m] is on or in box or triangle number ``item`` of ``ground``."""
     if item < ground.boxes.shape[0]:
         return _box_distance(ground.boxes[item], x, y, z) <= SAME
     cx, cy, cz, _ = _nearest_on_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z)
@@ -186,7 +218,10 @@ def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
 
 @compiled
 def cells_within(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
-    """First and last cell (i, j) within ``reach`` of a point; empty outside the grid."""
+    """First and last i, then first and last j, of the cells of ``ground`` within ``reach`` [m] of a point.
+
+    The point is (``x``, ``y``) [m]. The ranges are empty if the point is farther than that from the grid.
+    """
     i0 = max(int(np.floor((x - reach - ground.corner[0]) / ground.cell)), 0)
     i1 = min(int(np.floor((x + reach - ground.corner[0]) / ground.cell)), ground.shape[0] - 1)
     j0 = max(int(np.floor((y - reach - ground.corner[1]) / ground.cell)), 0)

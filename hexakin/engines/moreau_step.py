@@ -1,15 +1,17 @@
 """Moreau time stepping of rigid bodies with friction and impacts, compiled (A section 3.1).
 
-A step of length h goes from velocity v to v' at the configuration half-way, q + h v / 2, where contacts are sought:
+A step of duration h changes the velocity from v to v'. The mass matrix, the forces and the contacts are those at the
+configuration in the middle of the step, q + h v / 2:
 
-    M (v' - v) = -h (C + g) + S^T s + J^T p,
+    M (v' - v) = -h (C + g) + S^T s + J^T p.
 
-servo impulses s and contact impulses p found together (``hexakin.contact.impulses``). A contact that is closed
-may not approach; one about to close may at most close its gap. If contacts strike faster than a threshold, an impact
-comes first: by Poisson's law (A(4)-(6)), whose expansion phase returns at least the share xi of each compression
-impulse, or by Newton's, which returns the share xi of each approach velocity. Jean and Moreau, "Unilaterality and
-dry friction in the dynamics of rigid body collections" (1992); Anitescu and Potra (1997); Glocker, "Set-Valued Force
-Laws" (2001).
+The servo impulses s and the contact impulses p are computed together (``hexakin.contact.impulses``). Bodies at a closed
+contact do not approach each other; at an open one they approach at most by the gap. If contacts close faster than a
+threshold, an impact is computed first. With Poisson's law (A(4)-(6)), the expansion phase returns at least the share xi
+of each compression impulse; with Newton's law, the impact returns the share xi of each approach velocity. M. Jean and
+J. J. Moreau, "Unilaterality and dry friction in the dynamics of rigid body collections", 1992; M. Anitescu and F. A.
+Potra, "Formulating dynamic multi-rigid-body contact problems with friction as solvable linear complementarity
+problems", 1997; Ch. Glocker, "Set-Valued Force Laws", 2001.
 """
 
 from __future__ import annotations
@@ -26,14 +28,36 @@ from hexakin.engines.ground_contacts import Bodies, Contacts, find_contacts
 from hexakin.engines.ground_grid import Ground
 from hexakin.numerics.numba_cache import Whole, compiled
 
-CAPACITY = 256  # contacts at a time; at steps of 50 ms every corner of ATHENA's boxes is a candidate
-_SLOP = 1e-3  # [m] penetration that is left alone
-_PUSH_TIME = 0.05  # [s] in which deeper penetration is taken back ...
-_PUSH_SPEED = 0.1  # ... [m/s] but not faster than this
+CAPACITY = 256  # largest number of contacts; with time steps of 50 ms all corners of ATHENA's boxes are candidates
+_SLOP = 1e-3  # [m] penetration that is not corrected
+_PUSH_TIME = 0.05  # [s] time constant with which deeper penetration is corrected ...
+_PUSH_SPEED = 0.1  # [m/s] ... and the largest speed of this correction
 
 
 class Law(NamedTuple):
-    """Constants of a run."""
+    """Constants of a run.
+
+    Parameters
+    ----------
+    h
+        Time step [s].
+    friction, restitution
+        Coefficients of all contacts.
+    poisson
+        Whether restitution follows Poisson's law; otherwise Newton's.
+    threshold
+        Speed [m/s] above which contacts bounce.
+    servo_rate, servo_torque
+        Rate [1/s] and torque limit [N m] of the servos.
+    compliance
+        Compliance of the contacts, relative to the mean of the diagonal of the Delassus matrix.
+    tolerance, max_sweeps
+        Relative residual at which the contact solver stops, and its largest number of sweeps.
+    reach
+        Gap [m] up to which slow contacts take part in a step.
+    search_distance
+        Gap [m] up to which contacts are searched.
+    """
 
     h: float
     friction: float
@@ -46,14 +70,15 @@ class Law(NamedTuple):
     tolerance: float
     max_sweeps: int
     reach: float
-    margin: float
+    search_distance: float
 
 
 class Drive(NamedTuple):
-    """How m joints are driven in a run of steps, changed in place between the runs.
+    """How m joints are driven; changed in place between two calls of ``MoreauStepper.advance``.
 
-    ``command`` (m,) [rad] are the wanted angles. If ``by_torque`` (1,), joints give the torques
-    ``torque + kp (command - angle) - kd rate`` (m,), up to the servos' limit; else their servos follow the command.
+    ``command`` (m,) [rad] are the wanted angles. If ``by_torque`` (1,) bool is False, the servos follow the command.
+    Otherwise the joints apply the torques torque + kp (command - angle) - kd rate, limited to the servos' torque, with
+    ``kp`` (m,) [N m/rad], ``kd`` (m,) [N m s/rad] and ``torque`` (m,) [N m].
     """
 
     command: Array
@@ -64,24 +89,47 @@ class Drive(NamedTuple):
 
 
 class State(NamedTuple):
-    """What goes from step to step, and results, all changed in place."""
+    """State that is kept from step to step, and results; all arrays are changed in place.
+
+    Parameters
+    ----------
+    v
+        Velocity (nv,) [m/s, rad/s].
+    s
+        Impulses (m,) [N m s] of the servos in the last step.
+    hold
+        Whether each servo holds its target velocity or is at a limit, (m,): HOLDS, AT_LOW or AT_HIGH.
+    old_key, old_impulse, old_count
+        Keys (c,) and impulses (c, 3) [N s] in the world of the contacts in the last step, and their number (1,).
+    found
+        Number (1,) of contacts that the search has found.
+    impulse, last_impulse
+        Normal impulse (g,) [N s] of each group: the sum over the steps, and that of the last step.
+    sums
+        Work of the servos and of the contacts [J], largest penetration [m] and largest residual of the steps, (4,).
+    rate_moment
+        Sum (3, 3) [rad^2/s^2] of w w^T over the steps, with w the angular velocity of the first free body in its frame.
+    """
 
     v: Array
     s: Array
     hold: Whole
     old_key: Whole
-    old_impulse: Array  # (c, 3) in the world
-    old_count: Whole  # (1,)
-    found: Whole  # (1,)
-    impulse: Array  # (g,) normal impulse by group
-    last_impulse: Array  # (g,) the same of the last step alone
-    sums: Array  # servo work, contact work, penetration, residual
-    rate_moment: Array  # (3, 3) sum of w w^T, w the first free body's angular velocity in its own frame
+    old_impulse: Array
+    old_count: Whole
+    found: Whole
+    impulse: Array
+    last_impulse: Array
+    sums: Array
+    rate_moment: Array
 
 
 @compiled
 def _point_jacobian(moves: NDArray[np.bool_], J: Array, body: int, x: Array, d: Array, sign: float, row: Array) -> None:
-    """Add the derivative of a body point's velocity along d to a row; J (6, nv) is about the world's origin."""
+    """Add ``sign`` times the derivative by v of the velocity, along ``d``, of point ``x`` of a body to ``row`` (nv,).
+
+    ``J`` (6, nv) is the Jacobian of all joints about the world's origin.
+    """
     # d . (v + w x x) = d . v + (x x d) . w
     mx, my, mz = x[1] * d[2] - x[2] * d[1], x[2] * d[0] - x[0] * d[2], x[0] * d[1] - x[1] * d[0]
     for k in range(row.size):
@@ -93,7 +141,7 @@ def _point_jacobian(moves: NDArray[np.bool_], J: Array, body: int, x: Array, d: 
 
 @compiled
 def _tangent(n: Array, t: Array) -> None:
-    """First tangent: the world's x axis laid into the tangent plane (or y, if the normal is along x)."""
+    """Write the first tangent to ``t``: the normalised projection of the world's x axis (y if ``n`` is near x)."""
     axis = 0 if abs(n[0]) < 0.9 else 1
     for a in range(3):
         t[a] = -n[axis] * n[a]
@@ -105,7 +153,7 @@ def _tangent(n: Array, t: Array) -> None:
 
 @compiled
 def _contact_rows(bodies: Bodies, J_world: Array, contacts: Contacts, c: int, frame: Array, rows: Array) -> None:
-    """A contact's axes (t1, t2, n), into ``frame``, and the derivative of its velocity along them, into ``rows``."""
+    """Write the axes (t1, t2, n) of contact ``c`` to ``frame``, the Jacobian of its velocity along them to ``rows``."""
     normal = contacts.normal[c]
     _tangent(normal, frame[0])
     for a in range(3):
@@ -122,7 +170,7 @@ def _contact_rows(bodies: Bodies, J_world: Array, contacts: Contacts, c: int, fr
 
 @compiled
 def _momentum(M: Array, v: Array, turning: Array, bias_force: Array, h: float, r: Array) -> None:
-    """Put M (v + h turning) - h bias_force into r: the momentum that known forces leave after a time h."""
+    """Write M (v + h turning) - h bias_force to ``r``: the momentum after a time h under the known forces."""
     for i in range(v.size):
         r[i] = -h * bias_force[i]
         for k in range(v.size):
@@ -146,11 +194,11 @@ def _solve_torques(
     u: Array,
     after: Array,
 ) -> float:
-    """Velocities ``after`` and contact impulses p with joints that give torques; the solver's residual.
+    """Compute the velocities ``after`` and the contact impulses ``p`` with a torque law; return the solver's residual.
 
-    The torques are those of the angles and rates at the end of the step, which makes them a part of the mass matrix:
-    M + h (kd + h kp / 2) on the diagonal (q is the configuration half-way). Which joints give their limit instead is
-    found by trying: those whose torque would be beyond it.
+    The torques are those at the angles and rates at the end of the step. They therefore add h (kd + h kp / 2) to the
+    diagonal of the mass matrix (``q`` is the configuration in the middle of the step). Joints whose torque would exceed
+    the limit apply the limit instead; which joints these are is found by iteration.
     """
     m, h, limit = bodies.servo.size, law.h, law.h * law.servo_torque
     nobody, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -208,18 +256,24 @@ def solve_step(
     facets: int | None,
     state: State,
 ) -> None:
-    """One step of the velocities, in place; configuration, mass matrix and contacts are those half-way."""
+    """Make one step of the velocities, in place.
+
+    ``M_upper`` (nv, nv), ``bias_force`` (nv,), ``J_world`` (6, nv), ``q`` (nq,) and the first ``found`` of ``contacts``
+    are those in the middle of the step: the upper half of the mass matrix, Coriolis and gravity forces, the Jacobian of
+    all joints about the world's origin and the configuration. ``drive``, ``bodies``, ``law``, ``facets`` and ``state``
+    are those of ``march``.
+    """
     nv, h, v = state.v.size, law.h, state.v
     m = bodies.servo.size
     M = np.empty((nv, nv))
     for j in range(nv):
         for i in range(j + 1):
             M[i, j] = M[j, i] = M_upper[i, j]
-    # Which contacts take part: first those that are closed or strike until the end of the step, then slow ones that
-    # may close within it. A fast body whose gap is open for longer flies on: it shall strike with its own speed.
+    # Contacts that take part in the step: first those that are closed or strike before its end, then slow ones that may
+    # close in it. A fast body that strikes later is left in flight, so that it hits with its own speed.
     active, approach = np.empty(found, dtype=np.int64), np.empty(found)
     strikes = np.zeros(found, dtype=np.int64)
-    rows, frames = np.empty((3 * found + 3, nv)), np.empty((found + 1, 3, 3))  # one to try
+    rows, frames = np.empty((3 * found + 3, nv)), np.empty((found + 1, 3, 3))  # with space for one more candidate
     n, closed = 0, 0
     for turn in range(2):
         for c in range(found):
@@ -252,8 +306,8 @@ def solve_step(
                 for a in range(3):
                     for k in range(3):
                         p[3 * i + a] += frames[i, a, k] * state.old_impulse[old, k]
-    # The velocity as it would be without any force, in the axes that the bodies have half-way: Pinocchio's C holds the
-    # turning of these axes too, which drift accounts for.
+    # ``turning`` is the part of the linear accelerations that results from the rotation of the bodies' frames. It is
+    # contained in Pinocchio's C, but ``drift`` takes account of it already.
     turning = np.zeros(nv)
     for k in range(bodies.floating.shape[0]):
         j = bodies.floating[k, 1]
@@ -268,7 +322,7 @@ def solve_step(
         struck = struck or strikes[i] > 0
     residual, blow, rest = 0.0, np.zeros(3 * n), h
     if struck:
-        # An impact takes no time, so that servos have no part in it; on average it comes when half the step is over.
+        # An impact takes no time, so that servos have no effect on it. On average it occurs in the middle of the step.
         rest = 0.5 * h
         _momentum(M, v, turning, bias_force, h - rest, r)
         nobody, nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -291,7 +345,7 @@ def solve_step(
             facets, law.compliance, law.tolerance, law.max_sweeps,
         )  # fmt: skip
     residual = max(residual, last)
-    # Work by the trapezoidal rule, which is exact for a constant mass matrix.
+    # The work is computed with the trapezoidal rule, which is exact for a constant mass matrix.
     for j in range(m):
         i = bodies.servo[j]
         state.sums[0] += 0.5 * state.s[j] * (start[i] + after[i])
@@ -323,7 +377,10 @@ def solve_step(
 
 @compiled
 def _turn(x: float, y: float, z: float, w: float, d: Array, back: bool) -> None:
-    """Turn d (3,) by a unit quaternion, or back, in place: d + 2 r x (r x d + w d), r the quaternion's vector."""
+    """Rotate ``d`` (3,) in place by a unit quaternion, or with ``back`` by its inverse.
+
+    The result is d + 2 r x (r x d + w d), with r = (x, y, z).
+    """
     if back:
         x, y, z = -x, -y, -z
     ex, ey, ez = y * d[2] - z * d[1] + w * d[0], z * d[0] - x * d[2] + w * d[1], x * d[1] - y * d[0] + w * d[2]
@@ -334,10 +391,10 @@ def _turn(x: float, y: float, z: float, w: float, d: Array, back: bool) -> None:
 
 @compiled
 def drift(q: Array, v: Array, bodies: Bodies, h: float) -> None:
-    """Move the configuration by h seconds of constant velocity, in place.
+    """Change the configuration ``q`` (nq,) in place by the motion with constant velocity in a time ``h`` [s].
 
-    A free body goes straight in the world and turns at its rate; its linear velocity, which Pinocchio has in the
-    body's frame, is turned along.
+    A free body of ``bodies`` moves along a straight line in the world and rotates at its angular velocity. Pinocchio
+    expresses its linear velocity in the frame of the body, so that this part of ``v`` (nv,) is rotated in place too.
     """
     for k in range(bodies.hinges.shape[0]):
         q[bodies.hinges[k, 0]] += h * v[bodies.hinges[k, 1]]
@@ -378,14 +435,18 @@ def march(
     facets: int | None,
     state: State,
 ) -> Iterator[int]:
-    """A coroutine over shared arrays, so that a step costs one resumption and not the passing of fifty arrays.
+    """Make time steps, as a coroutine: shared arrays need not be passed again at each step, which saves time.
 
-    Before each step the caller refreshes M, ``bias_force``, J and ``poses`` at q, the configuration half-way. If boxes
-    may touch boxes it yields how many ``pairs`` there are; the caller appends to the ``contacts`` and resumes. It
-    yields -1 when the step is made and q stands half-way through the next.
+    Before each step the caller updates ``M`` (nv, nv), ``bias_force`` (nv,), ``J`` (6, nv) and ``poses`` (joints, 12)
+    for ``q`` (nq,), the configuration in the middle of the step. If boxes may touch boxes, the coroutine yields the
+    number of ``pairs``; the caller appends their contacts to ``contacts`` and resumes. When the step is complete and
+    ``q`` is the configuration in the middle of the next step, the coroutine yields -1.
+
+    ``drive``, ``bodies``, ``ground``, ``law`` and ``state`` are described in their classes. ``facets`` is the number of
+    facets of the friction polyhedron, or None for the exact cone.
     """
     while True:
-        found, near = find_contacts(poses, bodies, ground, law.margin, contacts, pairs)
+        found, near = find_contacts(poses, bodies, ground, law.search_distance, contacts, pairs)
         state.found[0] = found
         if near > 0 or bodies.meeting:
             yield near

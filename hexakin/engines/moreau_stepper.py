@@ -1,4 +1,7 @@
-"""Rigid bodies on a terrain: a Pinocchio model, shapes on its joints and servos, marched by ``moreau``."""
+"""Simulation of rigid bodies on a terrain: a Pinocchio model, collision shapes, servos and Moreau time stepping.
+
+The method is that of Jean and Moreau 1992, see ``hexakin.engines.moreau_step``.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +25,15 @@ from hexakin.numerics.numba_cache import announced
 from hexakin.robot.model import GRAVITY
 from hexakin.terrain.base import Terrain
 
-_FAST = 5.0  # [m/s] up to which bodies strike when they should; faster ones up to a step later
-_HOPELESS = 1e-3  # relative residual at which a simulation stops
+_FAST = 5.0  # [m/s] Bodies that are slower strike at the right step; faster ones may strike one step too late.
+_HOPELESS = 1e-3  # relative residual above which a simulation stops
 
 
 class Servos(NamedTuple):
-    """Velocity servos: model ``joints``, each driven at ``rate`` [1/s] times its error, up to ``max_torque`` [N m]."""
+    """Velocity servos on the ``joints`` (m,) of a model, given as indices.
+
+    Each joint is driven at ``rate`` [1/s] times its error of angle, with at most ``max_torque`` [N m].
+    """
 
     joints: tuple[int, ...]
     rate: float
@@ -35,12 +41,20 @@ class Servos(NamedTuple):
 
 
 class StepSums(NamedTuple):
-    """What a number of steps adds up to.
+    """Sums over a number of steps, as ``MoreauStepper.advance`` returns them.
 
-    ``normal_impulse`` (g,) [N s] by group and ``last_normal_impulse`` of the last step alone, ``servo_work`` and
-    ``contact_work`` [J] (the latter is minus what contacts dissipate), ``penetration`` [m] and ``residual`` of the
-    contact solver, the largest of any step; ``rate_moment`` (3, 3) [rad^2/s^2], the sum of w w^T, with w the first free
-    body's angular velocity in its own frame.
+    Parameters
+    ----------
+    normal_impulse, last_normal_impulse
+        Normal impulse (g,) [N s] of each group: over all steps, and in the last step.
+    servo_work, contact_work
+        Work [J] of the servos and of the contacts; the latter is minus the energy that contacts dissipate.
+    penetration
+        Largest penetration [m] in any step.
+    residual
+        Largest relative residual of the contact solver in any step.
+    rate_moment
+        Sum (3, 3) [rad^2/s^2] of w w^T, with w the angular velocity of the first free body in its own frame.
     """
 
     normal_impulse: Array
@@ -53,16 +67,41 @@ class StepSums(NamedTuple):
 
 
 class MoreauStepper:
-    """Rigid bodies under gravity, servos and contact with a terrain.
+    """Simulator of rigid bodies under gravity, servo torques and contact with a terrain (A section 3.1).
 
-    ``time_step`` [s]; ``friction`` and ``restitution`` hold for every contact. ``restitution_law`` is ``"poisson"`` or
-    ``"newton"``; only contacts faster than ``restitution_threshold`` [m/s] bounce, by default 5 g h, a speed that rest
-    cannot reach. ``facets`` asks for the paper's friction polyhedron with so many instead of the exact cone.
-    ``groups`` is the number of groups that normal impulses are summed over.
+    ``steps`` counts the time steps, ``unsolved_steps`` those whose residual is above ``tolerance``. Raises
+    InvalidInputError for a number out of its range and for a joint that is neither free nor of one coordinate, and
+    UnknownNameError for an unknown ``restitution_law``.
 
-    ``compliance``, relative to the mean of the Delassus matrix' diagonal, spreads loads evenly over redundant
-    contacts; a loaded contact yields by about compliance * g * h [m/s]. ``tolerance`` bounds the solver's relative
-    residual: a step that misses it is counted in ``unsolved_steps``, and beyond 1e-3 SimulationError is raised.
+    Parameters
+    ----------
+    model
+        Pinocchio model of the bodies.
+    shapes
+        Collision shapes.
+    terrain
+        The ground.
+    servos
+        Servos on joints of the model, or None.
+    groups
+        Number of groups of shapes; normal impulses are summed over each group.
+    time_step
+        Time step h [s].
+    friction, restitution
+        Coefficients of friction and of restitution of all contacts.
+    restitution_law
+        ``"poisson"`` or ``"newton"``.
+    restitution_threshold
+        Only contacts faster than this [m/s] bounce. None means 5 g h, a speed that bodies at rest cannot reach.
+    facets
+        Number of facets of the friction polyhedron of A section 3.1; None means the exact cone.
+    compliance
+        Compliance of the contacts, relative to the mean of the diagonal of the Delassus matrix. It distributes loads
+        evenly over redundant contacts; a loaded contact yields at about compliance * g * h [m/s].
+    tolerance
+        Relative residual at which the contact solver stops. A residual above 1e-3 raises SimulationError.
+    max_sweeps
+        Largest number of sweeps of the contact solver.
     """
 
     def __init__(
@@ -99,7 +138,7 @@ class MoreauStepper:
             tolerance=check_number("tolerance", tolerance, above=0.0),
             max_sweeps=check_whole("max_sweeps", max_sweeps, at_least=1),
             reach=(float(threshold) + 2.0 * GRAVITY * h) * h,
-            margin=max(float(threshold) + 2.0 * GRAVITY * h, 0.5 * _FAST) * h,
+            search_distance=max(float(threshold) + 2.0 * GRAVITY * h, 0.5 * _FAST) * h,
         )
         self._model, self._data = model, model.createData()
         ground = compile_ground(terrain)
@@ -133,12 +172,12 @@ class MoreauStepper:
 
     @property
     def q(self) -> Array:
-        """Configuration (nq,)."""
+        """Configuration (nq,) at the end of the last step."""
         return self._now()[0]
 
     @property
     def v(self) -> Array:
-        """Velocity (nv,), as Pinocchio has it: of free bodies in their own frames."""
+        """Velocity (nv,) at the end of the last step; that of free bodies is in their own frames, as in Pinocchio."""
         return self._now()[1]
 
     def _now(self) -> tuple[Array, Array]:
@@ -152,7 +191,10 @@ class MoreauStepper:
         return self._state.s / self.time_step
 
     def place(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
-        """Put the bodies into configuration ``q`` (nq,) with velocity ``v`` (nv,), at rest by default."""
+        """Set the configuration ``q`` (nq,) and the velocity ``v`` (nv,), which is zero if ``v`` is None.
+
+        Raises InvalidInputError for a wrong shape or a value that is not finite.
+        """
         state, model = self._state, self._model
         self._q_half[:] = check_array("q", q, (model.nq,))
         state.v[:] = 0.0 if v is None else check_array("v", v, (model.nv,))
@@ -162,7 +204,7 @@ class MoreauStepper:
         state.old_count[0] = 0
 
     def energy(self) -> float:
-        """Kinetic and potential energy [J]."""
+        """Return the sum of kinetic and potential energy [J]."""
         q, v = self._now()
         kinetic = pin.computeKineticEnergy(self._model, self._data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self._model, self._data, q))
@@ -170,11 +212,11 @@ class MoreauStepper:
     def advance(
         self, num_steps: int, command: ArrayLike | None = None, torque_law: TorqueLaw | None = None
     ) -> StepSums:
-        """Make ``num_steps`` time steps, the servos driven towards the angles ``command`` (m,) [rad].
+        """Make ``num_steps`` time steps, in which the servos drive their joints towards ``command`` (m,) [rad].
 
-        With a ``torque_law`` of m joints it gives the torques of the joints instead.
-        Raises SimulationError, with the step's number and residual, when contact forces cannot be found or the state is
-        no longer finite.
+        If ``torque_law`` is not None, the m joints apply its torques instead. Raises InvalidInputError for a wrong
+        number of angles. Raises SimulationError, with the number of the step and the residual, if contact forces cannot
+        be found or the state is no longer finite; also if there are too many contacts.
         """
         model, data, q, v = self._model, self._data, self._q_half, self._state.v
         state, loop, world = self._state, self._march, pin.Convention.WORLD
@@ -221,10 +263,10 @@ class MoreauStepper:
         )
 
     def _center_bias(self, q: Array, v: Array) -> None:
-        """Take the velocity-dependent forces half-way through the step.
+        """Replace the velocity-dependent forces by those in the middle of the step.
 
-        Tumbling bodies then keep their energy. A robot under servos turns too slowly for this to matter, and is spared
-        the cost.
+        With these forces tumbling bodies keep their energy. A robot with servos rotates too slowly for this to matter,
+        so that it is not computed for robots.
         """
         data, floating = self._data, self._bodies.floating[:, 1]
         M = np.triu(data.M) + np.triu(data.M, 1).T
@@ -252,15 +294,15 @@ class MoreauStepper:
 
 
 def _pose_view(model: pin.Model, data: pin.Data) -> Array:
-    """View of data.oMi, (joints, 12): a row is a rotation, column by column, and a translation."""
-    # Pinocchio's results keep their memory, which the Python binding shows array by array only.
+    """Return a view (joints, 12) of data.oMi; each row is a rotation, column by column, and a translation."""
+    # Pinocchio keeps its results in the same memory, but the Python binding gives access to single arrays only.
     pin.crba(model, data, pin.neutral(model), pin.Convention.WORLD)
     first = data.oMi[0].rotation.T
     stride = data.oMi[1].rotation.ctypes.data - first.ctypes.data
     poses = np.lib.stride_tricks.as_strided(first, (model.njoints, 12), (stride, first.itemsize))
     if not np.array_equal(poses, [np.r_[T.rotation.T.ravel(), T.translation] for T in data.oMi]):
         raise SimulationError(
-            "this version of pinocchio stores its placements in another order than engine 'rigid' knows"
+            "engine 'rigid' does not support this version of pinocchio, which stores placements in another order"
         )
     return poses
 

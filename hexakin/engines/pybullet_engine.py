@@ -1,4 +1,4 @@
-"""The PyBullet engine: Featherstone multibody with Bullet's projected Gauss-Seidel contacts."""
+"""The PyBullet engine: a Featherstone multibody with Bullet's projected Gauss-Seidel contact solver (A section 3.1)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hexakin.transforms import inverse_pose, pose
 
 @contextlib.contextmanager
 def _quiet_import() -> Iterator[None]:
-    """PyBullet prints its build time past sys.stdout and sys.stderr, straight to the process's own streams."""
+    """Suppress the build time that PyBullet prints on import, not to sys.stdout but to the process's own streams."""
     saved = {stream: os.dup(stream) for stream in (1, 2)}
     try:
         with open(os.devnull, "w") as null:
@@ -34,7 +34,7 @@ def _quiet_import() -> Iterator[None]:
         yield
     finally:
         if os.name == "posix":
-            ctypes.CDLL(None).fflush(None)  # C's buffer may still hold the line
+            ctypes.CDLL(None).fflush(None)  # the line may still be in C's buffer
         for stream, copy in saved.items():
             os.dup2(copy, stream)
             os.close(copy)
@@ -50,15 +50,18 @@ except ImportError as error:
 
 
 class PyBulletEngine(Engine):
-    """A robot in PyBullet.
+    """A robot simulated with PyBullet.
 
-    The servo is Bullet's joint motor: position gain rate * time_step per step and velocity gain 1 make
-    it drive the joint at rate * (command - angle), inside the solver and limited in torque.
-    Bullet multiplies the two partners' coefficients, so that the ground gets 1 and the robot the value.
+    The servo is Bullet's joint motor. With the position gain rate * time_step per step and the velocity gain 1 it
+    drives the joint at rate * (command - angle), inside the solver and with limited torque. Bullet multiplies the
+    coefficients of the two bodies of a contact; therefore those of the ground are 1, and those of the robot have the
+    given values.
 
-    Bullet's Gauss-Seidel solver stops at its residual threshold ``solver_residual`` or after
-    ``solver_iterations``; its own default of 50 iterations leaves servos and rates visibly unconverged.
-    ``friction_model`` is a ``"pyramid"`` (A section 3.1 approximates the cone by a polyhedron) or Bullet's ``"cone"``.
+    ``robot``, ``terrain``, ``time_step`` [s], ``friction`` and ``restitution`` are those of ``Engine``. Bullet's
+    Gauss-Seidel solver stops at the residual ``solver_residual`` or after ``solver_iterations``; with its default of 50
+    iterations servos and rates are visibly unconverged. ``friction_model`` is a ``"pyramid"`` (A section 3.1
+    approximates the cone by a polyhedron) or Bullet's ``"cone"``. Raises InvalidInputError for a number out of its
+    range and UnknownNameError for an unknown ``friction_model``.
     """
 
     packages = ("pybullet",)
@@ -115,7 +118,7 @@ class PyBulletEngine(Engine):
             self._add_ground(shape)
         self._body = self._load(urdf)
         links = range(-1, pybullet.getNumJoints(self._body, physicsClientId=self._client))
-        # Bullet moves the base by its inertial frame: the centre of mass and the principal axes.
+        # The pose of Bullet's base is that of its inertial frame: the centre of mass and the principal axes.
         _, _, _, place, turn, *_ = pybullet.getDynamicsInfo(self._body, -1, physicsClientId=self._client)
         self._T_body_inertial = pose(np.reshape(pybullet.getMatrixFromQuaternion(turn), (3, 3)), place)
         robot, per_leg = self._robot, NUM_JOINTS + 1
@@ -168,12 +171,12 @@ class PyBulletEngine(Engine):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf, encoding="utf-8")
-            # Bullet would otherwise compute the inertias from the collision shapes.
+            # Without this flag Bullet computes the inertias from the collision shapes.
             flags = pybullet.URDF_USE_INERTIA_FROM_FILE
             return pybullet.loadURDF(str(path), flags=flags, physicsClientId=self._client)
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
-        """Put the robot at rest with the pose ``T_world_body`` (4, 4) [m] and the joint angles ``q`` (L, 3) [rad]."""
+        """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
         T = check_array("T_world_body", T_world_body, (4, 4)) @ self._T_body_inertial
         angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
         center, quaternion = T[:3, 3], _quat_xyzw(T[:3, :3])
@@ -183,12 +186,12 @@ class PyBulletEngine(Engine):
             pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
 
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
-        """Drive the joints for ``num_steps`` time steps and read the sensors.
+        """Drive the joints for ``num_steps`` time steps, and return the state and sensor values after them.
 
-        The servos turn them towards ``q_command`` (L, 3) [rad]; with a ``torque_law`` it gives their torques instead,
-        with angles and rates of the beginning of each step: a joint of inertia I is then stable up to
-        kd = 2 I / time_step. Raises InvalidInputError for a wrong shape or number, SimulationError when the state is
-        no longer finite.
+        The servos drive the joints towards ``q_command`` (L, 3) [rad]. If ``torque_law`` is not None, the joints apply
+        its torques instead, computed from the angles and rates at the beginning of each step; a joint of inertia I is
+        then stable up to kd = 2 I / time_step. Raises InvalidInputError for a wrong shape or number, and
+        SimulationError if the state is no longer finite.
         """
         robot = self._robot
         target = check_array("q_command", q_command, (robot.num_legs, NUM_JOINTS), ("leg", "joint")).ravel()
@@ -216,7 +219,7 @@ class PyBulletEngine(Engine):
         return reading if torque is None else reading._replace(joint_torque=torque.reshape(reading.q.shape))
 
     def _drive_servos(self, target: Array, max_torque: float) -> None:
-        """Drive all joints towards angles (m,) [rad] with at most this torque [N m]; 0 lets go of them."""
+        """Drive all joints towards angles (m,) [rad] with at most this torque [N m]; with 0 the servos are off."""
         count = len(self._joints)
         pybullet.setJointMotorControlArray(
             self._body,
@@ -280,7 +283,7 @@ class PyBulletEngine(Engine):
         )
 
     def close(self) -> None:
-        """Disconnect from the physics server; the engine cannot be used any more."""
+        """Disconnect from the physics server; the engine cannot be used afterwards."""
         if self._client >= 0:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1

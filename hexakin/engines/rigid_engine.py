@@ -1,4 +1,7 @@
-"""The rigid engine: Moreau time stepping with exact Coulomb friction on the robot's Pinocchio model."""
+"""The rigid engine: Moreau time stepping with exact Coulomb friction on the robot's Pinocchio model (A section 3.1).
+
+The method is that of Jean and Moreau 1992, see ``hexakin.engines.moreau_step``.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +23,18 @@ from hexakin.transforms import pose
 
 
 class RigidEngine(Engine):
-    """A robot under ``MoreauStepper``: feet are spheres, torso and limbs boxes, as in the robot's URDF.
+    """A robot simulated with ``MoreauStepper``: feet are spheres, torso and limbs are boxes, as in the robot's URDF.
 
-    The servo is PyBullet's: a motor that moves its joint at rate * (command - angle) within its torque limit. Here the
-    angle is that at the end of the step, so that a servo neither overshoots nor chatters at any step. Joint limits are
-    the controller's business: there are no stops.
+    The servo is the same as in PyBullet: a motor that moves its joint at rate * (command - angle) within its torque
+    limit. Here the angle is that at the end of the step, so that the servo does not overshoot or chatter, whatever the
+    time step. The engine does not enforce joint limits; controllers must keep them.
 
+    ``robot``, ``terrain``, ``time_step`` [s], ``friction`` and ``restitution`` are those of ``Engine``.
     ``restitution_law``, ``restitution_threshold`` [m/s] and ``facets`` (None for the exact friction cone) are those of
-    ``MoreauStepper``. Each step's contact forces are solved to ``solver_tolerance``; readings tell what was reached,
-    and SimulationError ends a run whose relative residual exceeds 1e-3. Equal runs give bit-identical readings.
+    ``MoreauStepper``. The contact forces of each step are solved to the relative residual ``solver_tolerance``; the
+    readings contain the residual that was reached, and a residual above 1e-3 ends the run with SimulationError. Equal
+    runs give bit-identical readings. Raises InvalidInputError for a number out of its range or a robot whose feet have
+    no radius, and UnknownNameError for an unknown ``restitution_law``.
     """
 
     packages = ("pin", "coal", "numba")
@@ -47,7 +53,7 @@ class RigidEngine(Engine):
         solver_tolerance: float = 1e-8,
     ):
         if robot.foot_radius == 0.0:
-            raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs feet that can touch")
+            raise InvalidInputError(f"robot {robot.name!r}: foot.radius is 0; a simulation needs spherical feet")
         self._robot = robot
         model = build_model(robot)
         names = [f"{joint}_{leg + 1}" for leg in range(robot.num_legs) for joint in robot.table.joints]
@@ -68,15 +74,16 @@ class RigidEngine(Engine):
         )
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
-        """Put the robot at rest with the pose ``T_world_body`` (4, 4) [m] and the joint angles ``q`` (L, 3) [rad]."""
+        """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
         self._stepper.place(configuration(self._robot, T_world_body, q))
 
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
-        """Drive the joints for ``num_steps`` time steps and read the sensors.
+        """Drive the joints for ``num_steps`` time steps, and return the state and sensor values after them.
 
-        The servos turn them towards ``q_command`` (L, 3) [rad]; with a ``torque_law`` it gives their torques instead,
-        with angles and rates of the end of each step, so that stiff and strongly damped laws are stable too.
-        Raises InvalidInputError for a wrong shape or number, SimulationError when no contact forces are found.
+        The servos drive the joints towards ``q_command`` (L, 3) [rad]. If ``torque_law`` is not None, the joints apply
+        its torques instead, computed from the angles and rates at the end of each step; stiff and strongly damped laws
+        are therefore stable too. Raises InvalidInputError for a wrong shape or number, and SimulationError if no
+        contact forces are found.
         """
         robot, stepper = self._robot, self._stepper
         shape = (robot.num_legs, NUM_JOINTS)
@@ -106,7 +113,7 @@ class RigidEngine(Engine):
         )
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing: this engine holds no resources."""
 
 
 def _shapes(robot: Robot, model: pin.Model, joints: tuple[int, ...]) -> tuple[Sphere | Cuboid, ...]:

@@ -8,7 +8,11 @@ from hexakin.checks import Array
 
 
 class Sphere(NamedTuple):
-    """A sphere on a joint's body: ``center`` (3,) [m] in the joint's frame, ``radius`` [m], ``group`` it counts to."""
+    """A sphere that is fixed to the body of a joint.
+
+    ``joint`` is the joint's index in the model. ``center`` (3,) [m] is in the joint's frame; ``radius`` in [m]. The
+    impulses on the sphere are added to the group ``group`` (index from 0).
+    """
 
     joint: int
     center: Array
@@ -17,7 +21,12 @@ class Sphere(NamedTuple):
 
 
 class Cuboid(NamedTuple):
-    """A box on a joint's body: ``placement`` (4, 4) of its centre in the joint's frame, full ``size`` (3,) [m]."""
+    """A box that is fixed to the body of a joint.
+
+    ``joint`` is the joint's index in the model. ``placement`` (4, 4) is the pose of the box's centre in the joint's
+    frame; ``size`` (3,) [m] are the full edge lengths. The impulses on the box are added to the group ``group`` (index
+    from 0).
+    """
 
     joint: int
     placement: Array

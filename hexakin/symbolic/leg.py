@@ -21,13 +21,12 @@ from hexakin.robot.leg_table import NUM_JOINTS, LegTable, pi_multiple
 
 @dataclass(frozen=True)
 class InverseExpressions:
-    """The closed-form inverse of a leg for a foot at (x, y, z) in the body frame.
+    """The closed-form inverse of a leg, for a foot at (``x``, ``y``, ``z``) [m] in the body frame (A(14)-(18)).
 
-    ``q`` holds the three angles for the signs ``side`` (+1: the leg's plane is entered facing the foot;
-    -1: turned by half a turn) and ``knee``. A branch exists where ``clearance``, ``outer`` and ``inner``
-    [m^2] are not negative: the foot is not too close to the first axis for the leg's offset, not
-    beyond the stretched leg, not within the folded one. ``distance`` [m] is from the second joint to
-    the foot, ``reach`` (inner, outer) its bounds.
+    ``q`` are the three angles [rad] for the signs ``side`` (+1: the leg's plane faces the foot; -1: it is turned by
+    half a turn) and ``knee``. A branch exists where ``clearance``, ``outer`` and ``inner`` [m^2] are not negative: the
+    foot is far enough from the first axis for the leg's offset, not beyond the stretched leg, and not within the
+    folded leg. ``distance`` [m] is from the second joint to the foot; ``reach`` (inner, outer) [m] are its bounds.
     """
 
     x: sp.Symbol
@@ -50,7 +49,7 @@ class LegKinematics:
     table: LegTable
 
     def symbol(self, name: str) -> sp.Symbol:
-        """Return the real symbol that stands for a joint or parameter of the table."""
+        """Return the real symbol of the joint or parameter ``name`` of the table."""
         return sp.Symbol(name, real=True)
 
     @property
@@ -179,16 +178,17 @@ class LegKinematics:
 
 
 def derive(table: LegTable) -> LegKinematics:
-    """Return the symbolic kinematics of a leg table, in the table's own names."""
+    """Return the symbolic kinematics of the leg ``table``, with the table's own names as symbols."""
     return LegKinematics(table)
 
 
 def with_functions(
     arguments: Sequence[sp.Symbol], expressions: Sequence[sp.Expr], functions: Mapping[str, Callable[..., Any]]
 ) -> Callable[..., list[Any]]:
-    """Turn expressions into a function of ``arguments`` whose sin, cos and so on are those of another package.
+    """Return a function of ``arguments`` that computes ``expressions`` with the functions of another package.
 
-    With CasADi's functions, say, it takes and returns CasADi's symbols. Common subexpressions are computed once.
+    ``functions`` maps the names of sympy's functions, such as ``"sin"``, to those of the package. With CasADi's, for
+    example, the result takes and returns CasADi's symbols. Common subexpressions are computed once.
     """
     return sp.lambdify(
         arguments,
