@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import hashlib
 from collections.abc import Iterable
 from functools import cache
@@ -16,6 +17,21 @@ PACKAGE = Path(__file__).resolve().parent
 DATA = PACKAGE / "data" if (PACKAGE / "data").is_dir() else PACKAGE.parent / "data"
 
 _NAME = PACKAGE.name
+
+
+def versions(packages: Iterable[str] = ()) -> dict[str, str]:
+    """Return the versions of Python, of hexakin and of the distributions ``packages``, by their names.
+
+    A distribution that is not installed, or whose version cannot be read, is left out.
+    """
+    import platform  # here, since importing hexakin is to take no time
+    from importlib import metadata
+
+    found = {"python": platform.python_version(), "hexakin": __version__}
+    for name in packages:
+        with contextlib.suppress(metadata.PackageNotFoundError, KeyError, OSError):
+            found[name] = metadata.version(name) or "unknown"
+    return found
 
 
 @cache

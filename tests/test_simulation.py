@@ -1,5 +1,7 @@
 """The closed loop: determinism, what is recorded, the ramp's known results, bad arguments."""
 
+from importlib import metadata
+
 import numpy as np
 import pytest
 
@@ -168,3 +170,12 @@ def test_a_walk_ends_when_its_cycles_are_whole(athena):
 def test_the_force_that_the_controller_reads_is_chosen_by_name(athena):
     with pytest.raises(UnknownNameError, match="force_sampling"):
         hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), force_sampling="first")
+
+
+def test_a_walk_is_kept_where_a_version_cannot_be_read(athena, monkeypatch):
+    def unreadable(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", unreadable)
+    walk = hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), duration=0.1, settling_time=0.1)
+    assert set(walk.parameters["versions"]) == {"python", "hexakin"}

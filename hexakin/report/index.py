@@ -7,11 +7,10 @@ import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
+from hexakin import installation
 from hexakin.exceptions import MissingPackageError
-from hexakin.installation import __version__
 from hexakin.report.figure_table import Figure, Judged, Picture, count_verdicts
 from hexakin.report.page import Page, now, picture_file, write
 from hexakin.study import provenance
@@ -139,10 +138,8 @@ def _drawn(figures: Sequence[Figure], pages: Sequence[Page]) -> str:
 def made_by() -> dict[str, str]:
     """Return date, commit, machine, system and versions of the packages with which the report was made."""
     machine = provenance.machine()
-    versions = {"Python": platform.python_version(), "hexakin": __version__}
-    for name in PACKAGES:
-        with suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
+    versions = installation.versions(PACKAGES)
+    versions = {"Python": versions.pop("python"), **versions}
     found = {"date": now()}
     if "commit" in machine:
         found["commit"] = machine["commit"]

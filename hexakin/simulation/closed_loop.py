@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import platform
-from importlib import metadata
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +12,7 @@ from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.control.interface import Command, Controller, Observation, check_command
 from hexakin.engines import Engine, Reading, TorqueLaw, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
-from hexakin.installation import __version__
+from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.motion.clearance import way_to_ground
 from hexakin.motion.recording import Recording
@@ -139,12 +137,7 @@ def simulate(
         "q_start": None if q_start is None else pose_at_start.tolist(),
         "settling_time": settling_time,
         "force_sampling": force_sampling,
-        "versions": {
-            "python": platform.python_version(),
-            "hexakin": __version__,
-            "numpy": np.__version__,
-            **{name: metadata.version(name) for name in make_engine.packages},
-        },
+        "versions": versions(["numpy", *make_engine.packages]),
     }
     return _recording(robot, rows, control_rate, parameters)
 

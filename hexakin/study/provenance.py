@@ -9,11 +9,10 @@ import os
 import platform
 import subprocess
 from collections.abc import Callable, Mapping
-from importlib import metadata
 from typing import Any
 
 from hexakin import installation
-from hexakin.installation import DATA, __version__
+from hexakin.installation import DATA
 from hexakin.study.tables import Scalar
 
 Trial = Callable[..., Mapping[str, Any]]
@@ -58,14 +57,10 @@ def provenance(trial: Trial) -> dict[str, Any]:
             code = trial.__code__
             constants = [value for value in code.co_consts if isinstance(value, Scalar)]
             digest.update(repr((code.co_code, code.co_names, constants)).encode())
-    versions = {"python": platform.python_version(), "hexakin": __version__}
-    for name in PACKAGES:
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
     return {
         "trial": f"{trial.__module__}:{trial.__qualname__}",
         "code": digest.hexdigest()[:12],
-        "versions": versions,
+        "versions": installation.versions(PACKAGES),
     }
 
 
