@@ -77,8 +77,8 @@ class Browser:
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return answer["result"]
 
-    def _next(self, seconds=60.0):
-        """Return the next message, having noted what it says."""
+    def _next(self, seconds=600.0):
+        """Return the next message, having noted what it says; a busy machine may need minutes for one."""
         end = time.monotonic() + seconds
         while b"\0" not in self._buffer:
             ready, _, _ = select.select([self._read], [], [], max(0.0, end - time.monotonic()))

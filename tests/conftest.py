@@ -1,9 +1,33 @@
+import os
+import signal
+import sys
+
 import numpy as np
 import pytest
 import yaml
 
 import hexakin as hk
 from hexakin.installation import DATA
+
+# Tests look for machine code beside its source, or in a folder that they name themselves.
+os.environ.pop("NUMBA_CACHE_DIR", None)
+
+if sys.__stdin__ is None:  # it is closed, and IPython asks for its encoding
+    sys.__stdin__ = open(os.devnull, encoding="utf-8")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def children_may_be_interrupted():
+    """Processes that tests start end on SIGINT, even where the tests themselves run with SIGINT ignored.
+
+    A shell starts its background jobs that way, and children inherit an ignored signal. They do not inherit a handler.
+    """
+    ignored = signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    if ignored:
+        signal.signal(signal.SIGINT, lambda number, frame: None)
+    yield
+    if ignored:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @pytest.fixture(scope="session", autouse=True)

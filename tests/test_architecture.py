@@ -26,7 +26,9 @@ def lint_imports(folder, *arguments):
     """Run the contracts of a folder's pyproject.toml on the package in it."""
     program = Path(sys.executable).with_name("lint-imports")
     command = [str(program), "--no-cache", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env={"PATH": "", "PYTHONPATH": "."})
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, encoding="utf-8", env={"PATH": "", "PYTHONPATH": "."}
+    )
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -78,7 +79,8 @@ def test_a_table_reads_back_as_it_was(tmp_path):
 
 def test_the_command_runs_from_end_to_end_and_says_that_it_was_quick(tmp_path):
     call = [sys.executable, str(FOLDER), "--quick", "--only", "plan_walk", "--folder", str(tmp_path)]
-    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    utf8 = {**os.environ, "PYTHONIOENCODING": "utf-8"}  # the table has a µ
+    done = subprocess.run(call, capture_output=True, text=True, encoding="utf-8", check=True, env=utf8)
     rows, about = summary.results(tmp_path)
     assert [row["benchmark"] for row in rows] == ["walk plan"] and "written" in done.stdout
     assert about["quick"] is True and about["benchmarks"] == ["plan_walk"] and about["versions"]["numpy"]

@@ -205,7 +205,7 @@ def test_on_a_full_disk_nothing_of_a_line_is_written_and_the_error_says_why(path
     errors = json.loads(run_python(FULL, path))
     assert len(errors) == 80
     assert set(errors) == {
-        f"{path}: File too large; what was finished is kept, and the same call goes on from there",
+        f"{path}: File too large; finished runs are kept; repeat the same call to continue",
         f"{path}: cannot be written (File too large)",
     }
 

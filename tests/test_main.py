@@ -168,7 +168,7 @@ def test_an_interrupted_study_says_so_leaves_no_worker_and_goes_on(here, monkeyp
         with pytest.raises(StudyError, match=r"mine.journal: another process is writing it"):
             run(mine.study, "results", progress=False, restart=restart)
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does, which reaches all of a terminal's processes
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 130 and out == ""
     assert err.splitlines()[-1] == "hexakin: interrupted; finished runs are kept; repeat the same call to continue"
     assert "Traceback" not in err and "Warning" not in err

@@ -39,7 +39,7 @@ def run(program, **environment):
     """Answer and number of functions loaded from disk, in a process of its own."""
     command = [sys.executable, "-c", "import adder; print(adder.answer, adder.hits)"]
     made = start(command, program, environment)
-    out, _ = made.communicate(timeout=120)
+    out, _ = made.communicate(timeout=600)
     assert made.returncode == 0
     answer, hits = out.split()
     return float(answer), int(hits)
@@ -78,7 +78,7 @@ def test_a_damaged_file_counts_as_missing_and_is_replaced(program, ending, damag
 def test_two_processes_may_compile_at_once(program):
     command = [sys.executable, "-c", "import adder; print(adder.answer)"]
     made = [start(command, program, {}) for _ in range(3)]
-    assert [process.communicate(timeout=120)[0].strip() for process in made] == ["10.0"] * 3
+    assert [process.communicate(timeout=600)[0].strip() for process in made] == ["10.0"] * 3
     assert run(program) == (10.0, 1)
 
 

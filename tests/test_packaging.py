@@ -4,11 +4,14 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from hexakin.installation import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -51,18 +54,24 @@ def test_another_python_gets_a_message(tmp_path, version, message):
 
 
 def test_every_requirement_is_pinned():
-    pins = re.findall(r"^([A-Za-z0-9_.-]+)==", (ROOT / "environment.txt").read_text(), re.MULTILINE)
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    pins = re.findall(r"^([A-Za-z0-9_.-]+)==", (ROOT / "environment.txt").read_text(encoding="utf-8"), re.MULTILINE)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = project["dependencies"] + [name for extra in project["optional-dependencies"].values() for name in extra]
     assert {name.lower() for name in wanted} <= {pin.lower() for pin in pins}
-    lines = (ROOT / "environment.txt").read_text().splitlines()
+    lines = (ROOT / "environment.txt").read_text(encoding="utf-8").splitlines()
     assert all("==" in line for line in lines if line and not line.lstrip().startswith("#"))
 
 
+def built(kind, folder, root=ROOT):
+    """The package of a kind, built into a folder."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", kind, "-d", str(folder)]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    (package,) = folder.iterdir()
+    return package
+
+
 def test_a_wheel_carries_the_robots_and_the_papers_values(tmp_path):
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
+    wheel = built("wheel", tmp_path)
     names = zipfile.ZipFile(wheel).namelist()
     assert {"hexakin/data/robots/athena.yaml", "hexakin/data/paper/athena.csv", "hexakin/generated/athena.py"} <= set(
         names
@@ -71,3 +80,26 @@ def test_a_wheel_carries_the_robots_and_the_papers_values(tmp_path):
     assert {name for name in files if "__pycache__" not in name} <= set(names)
     script = f"import sys; sys.path.insert(0, {str(wheel)!r}); import hexakin; print(hexakin.__version__)"
     assert subprocess.run([sys.executable, "-I", "-c", script], check=True, capture_output=True).stdout
+
+
+def test_a_wheel_says_its_version_and_that_it_has_types(tmp_path):
+    archive = zipfile.ZipFile(built("wheel", tmp_path))
+    (metadata,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+    lines = archive.read(metadata).decode().splitlines()
+    assert f"Version: {__version__}" in lines and "Classifier: Typing :: Typed" in lines
+    assert {"hexakin/py.typed", "hexakin/__init__.pyi"} <= set(archive.namelist())
+
+
+def test_a_source_package_has_the_documents_and_makes_the_same_wheel(tmp_path):
+    for folder in ("source", "wheel", "again"):
+        (tmp_path / folder).mkdir()
+    source = built("sdist", tmp_path / "source")
+    with tarfile.open(source) as archive:
+        names = archive.getnames()
+        archive.extractall(tmp_path, filter="data")
+    top = f"hexakin-{__version__}"
+    for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/design.md", "LICENSE", "CITATION.cff"):
+        assert f"{top}/{name}" in names
+    wheel = built("wheel", tmp_path / "wheel")
+    again = built("wheel", tmp_path / "again", root=tmp_path / top)
+    assert sorted(zipfile.ZipFile(again).namelist()) == sorted(zipfile.ZipFile(wheel).namelist())

@@ -5,6 +5,8 @@ import io
 import json
 import math
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -216,9 +218,11 @@ def test_the_file_beside_the_table_says_what_made_it(seven):
     assert len(about["code"]) == 12 and about["code"] == provenance(study.trial)["code"]
     (machine,) = about["machines"]
     assert machine["cores"] == os.cpu_count()
-    head = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=os.path.dirname(__file__))
-    if head.returncode == 0:
-        assert machine["commit"] == head.stdout.strip()
+    if shutil.which("git") is not None:
+        command = ["git", "rev-parse", "HEAD"]
+        head = subprocess.run(command, capture_output=True, text=True, cwd=os.path.dirname(__file__))
+        if head.returncode == 0:
+            assert machine["commit"] == head.stdout.strip()
 
 
 def test_the_machine_is_that_which_made_the_runs_not_that_which_read_them(seven, monkeypatch):
@@ -313,7 +317,7 @@ def test_a_changed_byte_costs_its_run_only(seven, capsys):
         again = run(study, folder / "results", jobs=1)
         assert called(folder) == [2]
         assert compared(again) == compared(table)
-        assert "seven.journal: 1 damaged or half-written line(s) dropped" in capsys.readouterr().err
+        assert "seven.journal: 1 damaged or incomplete line(s) dropped" in capsys.readouterr().err
 
 
 def test_results_whose_making_is_unknown_are_refused(seven):
@@ -321,7 +325,7 @@ def test_results_whose_making_is_unknown_are_refused(seven):
     path = folder / "results" / "seven.journal"
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([lines[0], lines[1].replace(b"numpy", b"numpi"), *lines[2:]]))
-    with pytest.raises(StudyError, match=r"seven.journal: the line that says what made these results is damaged"):
+    with pytest.raises(StudyError, match=r"seven.journal: the line with the origin of these results is damaged"):
         run(study, folder / "results", progress=False)
     assert called(folder) == []
 
@@ -372,9 +376,7 @@ def test_results_of_other_versions_or_another_function_are_refused_by_name(seven
     study, _, folder = seven
     with pytest.raises(StudyError, match=r"made by trial test_study:counted.<locals>.trial \(now test_study:.*lambda"):
         run(Study("seven", lambda seed: {}, study.runs), folder / "results", progress=False)
-    monkeypatch.setattr(
-        "hexakin.study.provenance.metadata.version", lambda name: "0.0" if name == "scipy" else study.name
-    )
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "0.0" if name == "scipy" else study.name)
     monkeypatch.setattr("hexakin.study.provenance.PACKAGES", ("scipy",))
     with pytest.raises(StudyError, match=r"made by versions .*scipy \d.* \(now 0.0\)"):
         run(study, folder / "results", progress=False)
@@ -440,9 +442,12 @@ def leaving(seed):
         ),
         (
             lambda seed: {"x": 1} if seed < 3 else {"seed": 1},
-            r"InvalidInputError: .* returned seed, which the table has.*",
+            r"InvalidInputError: .* returned seed: the table already has.*",
         ),
-        (lambda seed: {"x": 1} if seed < 3 else {"status": 1}, r".* returned status, which the table has already"),
+        (
+            lambda seed: {"x": 1} if seed < 3 else {"status": 1},
+            r".* returned status: the table already has such a column",
+        ),
         (lambda seed: {"x": 1} if seed < 3 else {1: 1}, r"InvalidInputError: the trial returned 1 as a name, .*"),
         (lambda seed: {"x": 1} if seed < 3 else {"y": 1}, r"the trial returned other names than .* earlier run: x, y"),
         (lambda seed, *, more: {}, r"TypeError: .*missing 1 required keyword-only argument: 'more'"),
@@ -486,11 +491,13 @@ def test_a_worker_that_the_system_kills_is_an_error_that_names_the_runs_it_may_h
                 time.sleep(0.01)
             os.kill(os.getpid(), signal.SIGKILL)
         if seed > 5 and (tmp_path / "faulty").exists():
-            time.sleep(60.0)
+            time.sleep(600.0)  # until it is stopped
         return log(seed)
 
     study = Study("a", trial, grid(seed=range(12)))
-    with pytest.raises(StudyError, match=r"^study a: a worker process died.*one of: .*{'seed': 5}.*what was finished"):
+    with pytest.raises(
+        StudyError, match=r"^study a: a worker process died.*one of the runs: .*{'seed': 5}.*finished runs are kept"
+    ):
         run(study, tmp_path, jobs=2, progress=False)
     assert called(tmp_path) == [0, 1, 2, 3, 4]
     (tmp_path / "faulty").unlink()
@@ -608,7 +615,7 @@ def test_progress_on_a_terminal_shows_the_remaining_time(tmp_path, monkeypatch):
     run(study, tmp_path, jobs=1)
     shown = sys.stderr.getvalue()
     assert "slow-one: 100%" in shown and "6/6" in shown
-    assert any("<00:0" in line and "100%" not in line for line in shown.split("\r"))
+    assert any(re.search(r"<\d\d:\d\d", line) and "100%" not in line for line in shown.split("\r"))
 
 
 def test_progress_in_a_file_is_a_few_lines_and_none_when_it_is_off(tmp_path, monkeypatch):
@@ -633,9 +640,12 @@ from hexakin.exceptions import SimulationError
 from hexakin.study import Study, grid, run
 
 def trial(a, seed):
-    with open("calls.log", "a") as log:
-        log.write(f"{os.environ['SESSION']} {a} {seed}\\n")
-    time.sleep(float(os.environ["NAP"]))
+    session = os.environ["SESSION"]
+    with open("calls.log", "a+") as log:
+        log.write(f"{session} {a} {seed}\\n")
+        log.seek(0)
+        calls = sum(line.startswith(f"{session} ") for line in log)
+    time.sleep(0.02 if calls <= int(os.environ["MOST"]) else 600.0)
     if seed == 7:
         raise SimulationError(f"fell, at\\n{a}")
     return {"x": math.exp(a * seed), "y": None if seed % 2 else a / 3, "said": f"{seed}"}
@@ -667,13 +677,14 @@ def journalled(path):
 def test_a_study_killed_ten_times_ends_as_one_that_was_not(tmp_path, monkeypatch):
     runner, path = tmp_path / "runner.py", tmp_path / "results" / "killed.journal"
     study = load(runner, RUNNER).study
-    monkeypatch.setenv("NAP", "0.02")
     rng = np.random.default_rng(20240501)
-    finished, groups, kills = {}, set(), 0
+    finished, groups = {}, set()
     for session in range(11):
         finished[session] = journalled(path)
         size = path.stat().st_size if path.exists() else 0
         monkeypatch.setenv("SESSION", str(session))
+        # However slow this process is, a session that is to be killed waits for it after a few calls.
+        monkeypatch.setenv("MOST", "5" if session < 10 else "1000")
         jobs = 2 if session in (0, 3) else 1
         process = subprocess.Popen([sys.executable, runner, str(jobs)], cwd=tmp_path, start_new_session=True)
         groups.add(process.pid)
@@ -683,17 +694,14 @@ def test_a_study_killed_ten_times_ends_as_one_that_was_not(tmp_path, monkeypatch
                 time.sleep(0.002)
             time.sleep(pause)
             (os.killpg if session % 2 else os.kill)(process.pid, signal.SIGKILL)
-            kills += process.wait() != 0
-        assert process.wait(timeout=300) in (0, -signal.SIGKILL)
-    assert process.returncode == 0 and kills >= 5
+        assert process.wait(timeout=600) == (-signal.SIGKILL if session < 10 else 0)
 
     calls = [line.split() for line in (tmp_path / "calls.log").read_text().splitlines()]
     for session, before in finished.items():
         made = {(float(a), int(seed)) for number, a, seed in calls if int(number) == session}
         assert not made & before, "a finished run was made again"
-    assert len(study) <= len(calls) <= len(study) + 6 * kills
+    assert len(study) <= len(calls) <= len(study) + 6 * 10
 
-    monkeypatch.setenv("NAP", "0")
     monkeypatch.chdir(tmp_path)
     run(study, "whole", jobs=1, progress=False)
     tables = []
@@ -703,7 +711,7 @@ def test_a_study_killed_ten_times_ends_as_one_that_was_not(tmp_path, monkeypatch
     assert tables[0][0] == ["a", "seed", "status", "x", "y", "said"] and len(tables[0]) == 61
     assert tables[0] == tables[1]
 
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 300.0
     while (left := living(groups)) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not left, "the workers of a killed runner end by themselves"

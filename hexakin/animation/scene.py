@@ -28,9 +28,9 @@ from hexakin.transforms import inverse_pose, pose, transform_points
 
 SHOWN = ("forces", "polygon", "zmp", "traces")
 FIELD_OF_VIEW = 40.0  # [deg], vertical angle of the camera
-ARROW, EDGE = "#b2002d", "#8a5a00"  # forces and the polygon's edge; differ from the colours of the legs
+ARROW, EDGE = "#b2002d", "#8a5a00"  # colours of forces and of the polygon's edge; no leg has them
 
-_RATE = 30.0  # [1/s], largest rate of keyframes; a recording has its control rate, 20 1/s by default
+_RATE = 30.0  # [1/s], largest rate of keyframes; a recording has one instant per control tick, by default 20 per second
 _LIFT = 0.003  # [m], height of polygon and ZMP above the contacts, so that the ground does not hide them
 _TORSO, _DARK = "#8c8c8c", "#404040"
 
@@ -73,7 +73,7 @@ class Scene:
     p_foot
         Centres of the feet as they are drawn, (n, L, 3) [m].
     held
-        Legs without angles, which are drawn in their last pose, (n, L) bool.
+        Legs without joint angles, which are drawn in their last pose, (n, L) bool.
     p_target
         Places where the centres of the feet should be, (n, L, 3) [m].
     p_contact, normal
@@ -87,11 +87,11 @@ class Scene:
     traces
         Whether the paths of the feet are shown.
     ground_path
-        Ground below each foot, (n, L, 3) [m], if the ground has no surface; otherwise None.
+        Ground below each foot, (n, L, 3) [m], if only the ground's height below the feet is known; otherwise None.
     center
         Point that the camera looks at, (n, 3) [m].
     eye
-        Place of the camera, relative to this point, (3,) [m].
+        Place of the camera relative to ``center``, (3,) [m].
     newtons_per_metre
         Scale of the arrows [N/m].
     """
@@ -179,7 +179,7 @@ def make_scene(
         ground_path=below,
         center=center,
         eye=eye,
-        # The arrow of a third of the weight, a leg's share in a tripod, is as long as the standing height.
+        # A third of the weight is a leg's load in a tripod; the arrow of this force is as long as the standing height.
         newtons_per_metre=robot.weight / 3.0 / standing_height(robot),
     )
 
@@ -218,7 +218,7 @@ def _keyframes(time: Array) -> NDArray[np.int_]:
 
 
 def _held(q: Array, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return angles without gaps and flags (n, L) of the gaps; in a gap a leg has its last pose, or else its first."""
+    """Return angles without gaps, and flags (n, L) of the gaps; a gap has the last known pose, or else the first."""
     known = np.asarray(np.isfinite(q).all(axis=-1))
     if not known.any(axis=0).all():
         leg = int(np.argmin(known.any(axis=0)))
@@ -277,7 +277,7 @@ def _zmp(p_contact: Array, force: Array) -> Array:
 def _camera(T_world_body: Array, p_foot: Array, follow: bool) -> tuple[Array, Array]:
     """Return the point (n, 3) that the camera looks at and the camera's place relative to it (3,), both in [m].
 
-    The camera is ahead of the walk, to its right and above it.
+    The camera is in front of the robot, to its right and above it.
     """
     path = T_world_body[:, :3, 3]
     reach = np.linalg.norm((p_foot - path[:, None])[..., :2], axis=-1).max()

@@ -20,21 +20,23 @@ LAWS = ("poisson", "newton")
 class ContactProblem:
     """Find v, p and s in M v = r + J^T p + S^T s (A(4), with A-E5 and A-E7 corrected).
 
-    A single number may be given instead of an array for all contacts or for all servos. Raises InvalidInputError, which
-    names the field, for wrong shapes and values.
+    v is the generalised velocity after the step, p are the contact impulses and s the servo impulses. A single number
+    may be given instead of an array for all contacts or for all servos. Raises InvalidInputError, which names the
+    field, for wrong shapes and values.
 
     Parameters
     ----------
     mass
         Mass matrix M (nv, nv) [kg, kg m, kg m^2], symmetric and positive definite.
     momentum
-        Momentum r (nv,) [N s, N m s] after all known forces: M v_before + h f.
+        Momentum r (nv,) [N s, N m s] after all known forces f in the time step h: M v_before + h f.
     jacobian
         Jacobian J (n, 3, nv) [1, m]: for each of n contacts the rows of two tangents and the normal.
     friction
         Friction coefficients (n,), numbers without unit.
     gap_rate
-        Velocities (n,) [m/s] that are added to the normal velocities; with gap / h a contact closes in the step.
+        Velocities (n,) [m/s] that are added to the normal velocities; with gap / h a contact can close its gap within
+        the time step h.
     approach
         Normal velocities (n,) [m/s] before the step, for restitution; contacts that separate (>= 0) do not bounce.
     servo
@@ -98,9 +100,10 @@ class ContactProblem:
 class Residuals(NamedTuple):
     """Errors of a solution of Coulomb's law, relative to the largest impulse and the fastest free contact velocity.
 
-    ``gap``: normal velocity into the ground. ``complementarity``: normal impulse times separating velocity.
-    ``cone``: friction beyond its bound. ``dissipation``: power missing to maximum dissipation. ``solver``: the natural
-    residual, which bounds all others and decides whether the problem is solved; of two phases it is the larger one.
+    ``gap``: normal velocity into the ground. ``complementarity``: normal impulse times separating velocity. ``cone``:
+    friction beyond its bound. ``dissipation``: difference from the largest power that friction can dissipate.
+    ``solver``: the natural residual, which bounds all others and decides whether the problem is solved; for an impact
+    with two phases it is the larger of both residuals.
     """
 
     gap: float
@@ -114,9 +117,9 @@ class ContactSolution(NamedTuple):
     """Impulses and velocities after the step.
 
     ``impulse`` (n, 3) [N s] is along the two tangents and the normal; ``compression`` (n, 3) [N s] is its part before
-    Poisson's expansion (without expansion, all of it). ``servo_impulse`` (m,) [N m s] are the servos' impulses,
-    ``velocity`` (nv,) [m/s, rad/s] the generalised velocity, ``contact_velocity`` (n, 3) [m/s] the velocities of the
-    contacts. ``residuals`` are the errors, ``iterations`` the number of sweeps or pivots.
+    Poisson's expansion (the whole impulse if there is no expansion). ``servo_impulse`` (m,) [N m s] are the servos'
+    impulses, ``velocity`` (nv,) [m/s, rad/s] the generalised velocity, ``contact_velocity`` (n, 3) [m/s] the velocities
+    of the contacts. ``residuals`` are the errors, ``iterations`` the number of sweeps or pivots.
     """
 
     impulse: Array
@@ -151,9 +154,9 @@ def solve(
 
     The polyhedron is inscribed in the cone; its first generator lies along each contact's first tangent.
     ``restitution`` is the coefficient for contacts with ``approach`` < 0, by Poisson's or Newton's ``law`` ("poisson"
-    or "newton"). With ``compliance`` > 0, a number without unit, redundant contacts share loads evenly, at the price of
-    a residual of that order. The solver ends at the relative residual ``tolerance``, or after ``max_iterations`` sweeps
-    or pivots.
+    or "newton"). With ``compliance`` > 0, a number without unit, redundant contacts share loads evenly, but the
+    residual is then of the order of ``compliance``. The solver stops at the relative residual ``tolerance``, or after
+    ``max_iterations`` sweeps or pivots.
 
     Raises ContactError if the natural residual stays above ``tolerance``, UnknownNameError for an unknown ``law``, and
     InvalidInputError for a number outside its range.

@@ -1,6 +1,6 @@
 """The rigid engine: Moreau time stepping with exact Coulomb friction on the robot's Pinocchio model (A section 3.1).
 
-The method is that of Jean and Moreau 1992, see ``hexakin.engines.moreau_step``.
+The method is that of Jean and Moreau (1992); ``hexakin.engines.moreau_step`` describes it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class RigidEngine(Engine):
     """A robot simulated with ``MoreauStepper``: feet are spheres, torso and limbs are boxes, as in the robot's URDF.
 
     The servo is the same as in PyBullet: a motor that moves its joint at rate * (command - angle) within its torque
-    limit. Here the angle is that at the end of the step, so that the servo does not overshoot or chatter, whatever the
-    time step. The engine does not enforce joint limits; controllers must keep them.
+    limit. Here ``angle`` is the angle at the end of the time step, so that the servo does not overshoot or oscillate
+    with any time step. The engine does not enforce joint limits; controllers must keep them.
 
     ``robot``, ``terrain``, ``time_step`` [s], ``friction`` and ``restitution`` are those of ``Engine``.
     ``restitution_law``, ``restitution_threshold`` [m/s] and ``facets`` (None for the exact friction cone) are those of
-    ``MoreauStepper``. The contact forces of each step are solved to the relative residual ``solver_tolerance``; the
+    ``MoreauStepper``. The contact forces of each step are computed to the relative residual ``solver_tolerance``; the
     readings contain the residual that was reached, and a residual above 1e-3 ends the run with SimulationError. Equal
     runs give bit-identical readings. Raises InvalidInputError for a number out of its range or a robot whose feet have
     no radius, and UnknownNameError for an unknown ``restitution_law``.

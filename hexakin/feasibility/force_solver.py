@@ -19,15 +19,15 @@ from hexakin.feasibility.statics import StaticProblem
 from hexakin.stability.friction_pyramid import pyramid_faces
 
 MOST_FRICTION = 10.0
-"""Coefficient of friction larger than that of any ground; a stance that tips even with it is reported as tipping.
+"""Coefficient of friction larger than that of any ground; a robot that tips even with it is reported as tipping.
 
-Without this bound, unbounded forces could press feet that are not exactly in one plane against each other."""
+Without this bound, feet that are not exactly in one plane could press against each other with unbounded forces."""
 
 _REGULARISATION = 1e-6  # weight of the squared forces in the cost
 _EQUILIBRIUM = 1e-8  # [N] and [N m], largest residual of a solution
-_INEQUALITY = 1e-8  # of m g and of the torque limit, largest violation by a solution
+_INEQUALITY = 1e-8  # as a share of m g or of the torque limit: largest violation of an inequality
 _CHUNK = 250  # instants solved in one call, so that their matrices stay in the processor's cache
-_RANK = 1e-9  # of the largest singular value: smaller ones count as zero
+_RANK = 1e-9  # as a share of the largest singular value: smaller values count as zero
 
 
 @lru_cache(maxsize=16)
@@ -41,9 +41,9 @@ def solved(problem: StaticProblem, bounded: bool, name: str = "daqp", rank: int 
     """Forces (n, 3 L) in the contact frames and costs (n,), not yet checked against the constraints.
 
     The forces are one solution of the equilibrium plus a combination of its null space, so that the equilibrium holds
-    exactly, whatever the solver's tolerance. ``bounded`` applies the torque limits; ``name`` is CasADi's name of the
-    solver. ``rank`` is the rank of the equilibrium. Instants with a lower rank (too few feet, or all on one line) are
-    NaN.
+    exactly with any tolerance of the solver. ``bounded`` applies the torque limits; ``name`` is CasADi's name of the
+    solver. ``rank`` is the rank of the equilibrium. The results are NaN at instants with a lower rank (too few feet, or
+    all feet on one line).
     """
     n, num_legs = problem.carrying.shape
     size = 3 * num_legs
@@ -118,7 +118,7 @@ def satisfied(problem: StaticProblem, solution: Array, bounded: bool) -> NDArray
 
 
 def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = None) -> float | None:
-    """Smallest torque limit that holds an instant, by a linear program; None if no forces hold it.
+    """Smallest torque limit with which the robot is held at an instant, by a linear program; None if no forces hold it.
 
     The result is in units of the problem's torque limit. ``cone`` (facets, 3) replaces the pyramid of the problem.
     """
@@ -150,7 +150,7 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
             return None
         if found.status == 0:
             break
-        # No result, which happens at instants at which the robot tips.
+        # HiGHS found no result. This happens at instants at which the robot tips.
         if _shortfall(problem, instant, sides) > _LACKING:
             return None
     if found.status != 0:
@@ -160,7 +160,7 @@ def smallest_torque(problem: StaticProblem, instant: int, cone: Array | None = N
 
 _METHODS = ("highs", "highs-ipm")
 _INFEASIBLE = 2  # linprog's status of a problem that has no solution
-_LACKING = 1e-6  # of m g and of its moment: a larger residual shows that there is no solution
+_LACKING = 1e-6  # as a share of m g and of its moment: a larger residual shows that there is no solution
 
 
 def _shortfall(problem: StaticProblem, instant: int, sides: Array) -> float:
@@ -188,7 +188,7 @@ def diagnosed(problem: StaticProblem, instant: int, bounded: bool) -> tuple[str,
 
 
 def solved_again(problem: StaticProblem, instant: int, bounded: bool) -> tuple[Array, float]:
-    """Solve by another method an instant that has a solution that the first method did not find.
+    """Solve an instant by another method; the instant has a solution, but the first method did not find it.
 
     Returns the forces (3 L,) and the cost. Raises SolverError if the other method fails too.
     """

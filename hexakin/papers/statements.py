@@ -5,11 +5,12 @@ The words of the paper are interpreted as follows:
 - "Variation", "variance" and "oscillation" mean the interquartile range. "Stability" without a number means both the
   median and the interquartile range, as in the paper's text on Fig. 10(b); there is one statement for each.
 - "No significant effect", "identical" and "negligible" allow a median to change by 10 % and an interquartile range by
-  50 %. Two samples of 24 cycles from one normal distribution differ by more than that in one case of seven.
+  50 %. The interquartile ranges of two samples of 24 cycles from one normal distribution differ by more than 50 % in
+  one case of seven.
 - "Most" and "least" refer to all six levels of a gain, including simple control.
 - "The ZMP is within the support polygon" is judged with the polygon of the feet that are commanded to be in stance. The
-  zero-moment point of A(32) cannot leave the polygon of the loaded feet, so that the statement would always be true
-  there (A-E18).
+  zero-moment point of A(32) cannot leave the polygon of the loaded feet, so that with that polygon the statement would
+  always be true (A-E18).
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ def robustness(verdicts: pd.DataFrame) -> pd.DataFrame:
 
     ``verdicts`` is a table of the function ``verdicts``. The column ``engines`` compares the engines at each time step,
     and ``steps`` the time steps of each engine: ``"agree"``, ``"differ"``, or ``"one"`` if there is nothing to compare.
-    The column ``verdict`` is the verdict if all agree, else empty. Rows without data do not count.
+    The column ``verdict`` has the verdict if all agree, and is empty otherwise. Rows without data are ignored.
     """
     judged = verdicts[verdicts["verdict"] != "no data"]
     rows = []
@@ -214,8 +215,8 @@ def verdict_table(verdicts: pd.DataFrame) -> str:
     """Return verdicts as a GitHub-markdown table with one row per statement.
 
     ``verdicts`` is a table of the function ``verdicts``. There is one column for each engine, or for each time step of
-    an engine that ran at several. The cells contain the effect, its 5th and 95th percentile to three significant
-    digits, and the verdict.
+    an engine that ran with several time steps. The cells contain the effect with its 5th and 95th percentile, each to
+    three significant digits, and the verdict.
     """
     named, cases = _cases(verdicts)
     lines = [f"| figure | the paper says | {' | '.join(cases)} |", "|" + " --- |" * (2 + len(cases))]
@@ -228,7 +229,7 @@ def verdict_table(verdicts: pd.DataFrame) -> str:
 
 
 def _cases(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Add the column ``case``: the engine, with the time step if it ran at several; also return all cases in order."""
+    """Add the column ``case``: the engine, with the time step if there are several; also return all cases in order."""
     steps = verdicts.groupby("engine")["time_step"].nunique()
     names = {
         (engine, step): engine if steps[engine] == 1 else f"{engine}, {1e3 * step:.6g} ms"

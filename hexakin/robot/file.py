@@ -1,8 +1,8 @@
 """Read robot descriptions: YAML files with units in the field names and a source beside each value.
 
-Any value in the file may be written as ``{value: ..., source: "Table 2"}``; a ``source`` in a
-mapping holds for all values below it. Fields whose names end in ``_mm`` or ``_deg`` are converted to
-metres and radians, and angles may be written as multiples of pi (``-pi/2``).
+Any value in the file may be written as ``{value: ..., source: "Table 2"}``; a ``source`` in a mapping is the source of
+all values in it that have no source of their own. Fields whose names end in ``_mm`` or ``_deg`` are converted to metres
+and radians, and angles may be written as multiples of pi (``-pi/2``).
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _text(path: Path) -> str:
 # The errors that PyYAML raises for malformed text and invalid tags.
 _YAML_FAULTS = (yaml.YAMLError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the C version, if PyYAML has it, is ten times as fast
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # PyYAML's C loader is about ten times as fast
 
 
 def _parsed(text: str, origin: str) -> object:
@@ -121,13 +121,13 @@ def _short(value: object, most: int = 200) -> str:
     """Return the text of a value, short enough for a message."""
     try:
         text = str(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits has no text
+    except (ValueError, RecursionError):  # Python refuses to print an integer of thousands of digits
         text = f"a huge {type(value).__name__}"
     return text if len(text) <= most else text[:most] + " ..."
 
 
 class _Keys(NamedTuple):
-    """For the path of each field: the source of its value, and its key as written in the file, with the unit."""
+    """Sources of the values, and keys as written in the file (with the unit), by the path of each field."""
 
     sources: dict[str, str]
     written: dict[str, str]
@@ -162,7 +162,7 @@ def _strip(node: Any, path: str, source: str, keys: _Keys) -> Any:
     if isinstance(node, list) and any(isinstance(child, (dict, list)) for child in node):
         return [_strip(child, f"{path}{i + 1}.", source, keys) for i, child in enumerate(node)]
     keys.sources[path.removesuffix(".")] = source
-    # YAML 1.1 reads 1e-3 (no dot) as text.
+    # A YAML 1.1 loader reads a number without a dot, such as 1e-3, as text.
     return float(node) if isinstance(node, str) and _EXPONENT.fullmatch(node) else node
 
 

@@ -1,4 +1,4 @@
-"""Closed-loop simulation: a controller at its control rate and a robot in a simulation engine (A section 5.1)."""
+"""Closed-loop simulation: a controller commands a robot in a simulation engine at the control rate (A section 5.1)."""
 
 from __future__ import annotations
 
@@ -44,12 +44,13 @@ def simulate(
 ) -> Recording:
     """Simulate a walk of a robot under a controller, and return its recording.
 
-    The robot is placed over the origin of the terrain, upright on the local slope. It settles under its servos, and
-    then the controller takes over. Equal arguments give equal recordings.
+    The robot is placed over the origin of the terrain, with its z axis normal to the ground there. First its servos
+    hold the angles at the start; after ``settling_time`` the controller commands the joints. Equal arguments give equal
+    recordings.
 
     Raises UnknownNameError for an unknown engine, engine option, ``force_sampling`` or terrain; InvalidInputError for a
-    number, controller or command that cannot be used; JointLimitError, which names the leg, if an angle at the start is
-    beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns over.
+    number, controller or command that cannot be used; JointLimitError, which names the leg, if an angle of ``q_start``
+    is beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns over.
 
     Parameters
     ----------
@@ -64,7 +65,8 @@ def simulate(
     duration
         Duration [s] of the walk, without settling.
     max_cycles
-        The walk ends earlier after this number of gait cycles; None means that it does not.
+        Largest number of gait cycles, after which the walk ends before ``duration``; None means that there is no such
+        limit.
     time_step
         Time step [s] of the engine. A control tick must be a whole number of time steps.
     control_rate
@@ -74,14 +76,16 @@ def simulate(
     seed
         Seed of the perturbation.
     perturbation
-        Largest size [rad] of the random numbers that are added to the joint angles at the start, see ``seed``.
+        Largest absolute value [rad] of the random numbers that are added to the joint angles at the start. The sums are
+        clipped to the joint limits.
     q_start
         Joint angles (L, 3) [rad] at the start, for example ``hexakin.rising.lying_q``; None means the standing pose.
     settling_time
-        Time [s] in which the robot settles before the controller takes over.
+        Time [s] in which the servos hold the robot before the controller starts, rounded to whole control ticks. One
+        more tick gives the first observation.
     force_sampling
-        Which foot forces the controller receives: the ``"mean"`` over the tick before, or those of its ``"last"`` time
-        step, which contain the chatter of the contacts.
+        Which foot forces the controller receives: the ``"mean"`` over the previous tick, or the forces in the
+        ``"last"`` time step of that tick, which vary more because contacts open and close quickly.
     **engine_options
         Options of the class of the engine.
     """
@@ -145,8 +149,8 @@ def simulate(
 def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:
     """Pose (4, 4) of the body over the origin, with its z axis normal to the ground there.
 
-    At the joint angles ``q`` (L, 3) [rad], the foot or the part of the torso that is closest to the ground of
-    ``terrain`` is 1 mm above it.
+    At the joint angles ``q`` (L, 3) [rad], the foot or the part of the torso that is closest to the ground has a gap of
+    1 mm to the ground of ``terrain``.
     """
     normal = terrain.normal(0.0, 0.0)
     rotation = rotation_between([0.0, 0.0, 1.0], normal)

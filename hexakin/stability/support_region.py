@@ -2,19 +2,19 @@
 
 T. Bretl and S. Lall, "Testing static equilibrium for legged robots", IEEE Trans. Robotics 24(4), 2008: at rest the
 contact forces f_i in their friction cones balance the weight m g. Only the horizontal position c of the centre of mass
-enters the balance, not its height. All such c form a convex set, the support region. Its furthest point along one
-direction is the solution of a linear program. The polygon of the points found lies inside the region; the lines through
-these points, at right angles to their directions, enclose the region.
+enters the balance, not its height. All such c form a convex set, the support region. The furthest point of the region
+along a given direction is the solution of a linear program. The polygon of the points found lies inside the region. The
+lines through these points, at right angles to the given directions, enclose the region.
 
 Each friction cone is replaced by the inscribed pyramid of ``facets`` edges, one of which points uphill. The pyramid
-lies inside the cone, so that every position found is held by forces within Coulomb's law. It contains the cone of the
-friction coefficient mu cos(pi / facets): 0.98 mu with 16 facets. A vertical force is held exactly up to the friction
-angle.
+lies inside the cone, so that every position found is held by forces within Coulomb's law. The pyramid contains the cone
+of the friction coefficient mu cos(pi / facets), which is 0.98 mu with 16 facets. Because one edge points uphill, the
+pyramid contains the vertical force on every slope up to the friction angle.
 
-With ``torque_limits`` the torque inequalities of the contacts apply too. They belong to one pose of the legs. For other
-positions of the centre of mass they hold only while the Jacobians and the weights of the legs stay the same
-(R. Orsolino et al., "Feasible region: an actuation-aware extension of the support region", IEEE Trans. Robotics 36(4),
-2020).
+With ``torque_limits`` the torque inequalities of the contacts apply too. These inequalities belong to one pose of the
+legs. For other positions of the centre of mass they hold only while the Jacobians and the weights of the legs stay the
+same (R. Orsolino et al., "Feasible region: an actuation-aware extension of the support region", IEEE Trans. Robotics
+36(4), 2020).
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from hexakin.stability.polygon import margin, support_polygon
 from hexakin.stability.stance import Contacts
 
 FACETS = 16
-"""Number of edges of the pyramid in each friction cone. At worst, the pyramid loses 2 % of the friction coefficient.
+"""Number of edges of the pyramid in each friction cone; 16 edges reduce the friction coefficient by at most 2 %.
 
 For random uneven contacts as wide as a standing ATHENA, the region's edge then lies 0.1 mm too far inside on average
-and 5 mm at most, compared with 192 facets. The error falls with the square of the number.
+and 5 mm at most, compared with 192 facets. The error is inversely proportional to the square of the number of edges.
 """
 
 REACH = 10.0
-"""Distance [m] from the mean of the contacts up to which the region is computed: twenty times ATHENA's width."""
+"""Distance [m] from the mean of the contacts up to which the region is computed: over twenty times ATHENA's width."""
 
 _FEASIBILITY = 1e-10  # the smallest tolerance that HiGHS accepts
-_BALANCE = 1e-9  # [weights] largest residual of a balance: rounding errors put a force just outside its cone
-_ROUNDS = 60  # each round at least halves the largest open distance; a few rounds are enough
+_BALANCE = 1e-9  # [weights] largest residual of a balance that is due to rounding errors
+_ROUNDS = 60  # each round at least halves the largest height of ``_open_edges``; a few are enough
 
 
 class Support(NamedTuple):
@@ -70,11 +70,12 @@ class SupportRegion:
     Parameters
     ----------
     vertices
-        Vertices (m, 2) [m], counter-clockwise, of a polygon inside the region. Its edge is nowhere further from the
-        region's edge than the tolerance. A segment has two vertices, a point one, and an empty region none.
+        Vertices (m, 2) [m], counter-clockwise, of a polygon inside the region. The distance between the edges of the
+        polygon and of the region is at most the tolerance. A segment has two vertices, a point one, and an empty region
+        none.
     cut
-        True if the region extends beyond ``reach``, where the polygon ends. Between two walls that the feet can press
-        apart, for example, the region is unbounded.
+        True if the region extends beyond ``reach``, where the polygon ends. For example, the region is unbounded if the
+        feet can press outwards against two opposite walls.
     """
 
     vertices: Array
@@ -91,8 +92,8 @@ class SupportRegion:
     def region_margin_at(self, point: ArrayLike) -> float:
         """Signed distance [m] of ``point`` (2,) [m] to the region's edge, negative outside.
 
-        A segment or a single point has no inside: the margin is 0 on it and negative elsewhere. It is -inf if the
-        region is empty. If the region is cut, the distance to the cut counts as well, so that the true margin may be
+        A segment or a single point has no inside: the margin is 0 on it and negative elsewhere. If the region is empty,
+        the margin is -inf. If the region is cut, the distance to the cut counts as well, so that the true margin may be
         larger. Raises InvalidInputError for another shape or a value that is not finite.
         """
         p = check_array("point", point, (2,), ("coordinate",))
@@ -120,11 +121,11 @@ def support_region(
     tolerance: float = 1e-6,
     reach: float = REACH,
 ) -> SupportRegion:
-    """Support region of contacts: the positions of the centre of mass, seen from above, that they can hold at rest.
+    """Support region of contacts: positions of the centre of mass, seen from above, that the contacts can hold at rest.
 
     Raises InvalidInputError for ``torque_limits`` without torque limits in ``contacts`` and for a value out of its
-    range. Raises SolverError if a linear program is not solved: the region is reported as empty only if a solved linear
-    program shows that a part of the balance remains missing.
+    range. Raises SolverError if a linear program is not solved: the result is an empty region only if a solved linear
+    program shows that no contact forces balance the weight.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ class _Balance:
 
 
 def _balance(contacts: Contacts, torque_limits: bool, facets: int, reach: float) -> _Balance | None:
-    """Conditions of rest, relaxed by the rounding errors of one solution; None if they contradict each other."""
+    """Conditions of rest, relaxed by the rounding errors of one solution; None if no contact forces satisfy them."""
     check_whole("facets", facets, at_least=3)
     check_number("reach", reach, above=0.0, unit="m")
     if torque_limits and contacts.torque_rows is None:
@@ -292,8 +293,8 @@ def _open_edges(point: Array, across: Array) -> tuple[Array, Array]:
     """How far the region may extend beyond each edge of the polygon ``point`` (n, 2), found in directions ``across``.
 
     Returns the outward normals (n, 2) of the edges and the heights (n,) [m]. At each vertex the region lies behind the
-    line at right angles to the vertex's direction. The height is that of the triangle between the lines of the two ends
-    and the edge.
+    line at right angles to the vertex's direction. The edge and the lines of its two ends form a triangle; the height
+    is that of this triangle over the edge.
     """
     way, following = np.roll(point, -1, axis=0) - point, np.roll(across, -1, axis=0)
     size = np.linalg.norm(way, axis=1)

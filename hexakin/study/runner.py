@@ -1,4 +1,4 @@
-"""Studies: many independent runs in parallel, which can be interrupted and continued, with one table of results.
+"""Studies: many independent runs in parallel with one table of results; they can be interrupted and continued.
 
 A study is a function and the arguments of its calls. ``run`` makes the calls on all processor cores, writes each result
 to a journal as soon as it is finished, and returns one row per call. If it is killed, the next call continues.
@@ -42,8 +42,9 @@ except ImportError as error:
 class Study:
     """A function and the arguments of its calls.
 
-    Raises InvalidInputError if the name or trial is not valid, if there is no run, or for a run whose argument names
-    differ from those of the first run, are names of the table's own columns, or whose values are not plain.
+    Raises InvalidInputError if the name or the trial is not valid or if there is no run. Also raises InvalidInputError
+    for a run that has other argument names than the first run, an argument with the name of one of the table's own
+    columns, or a value that is not plain.
 
     Parameters
     ----------
@@ -51,9 +52,9 @@ class Study:
         The study's name; the result files have this name.
     trial
         Function that is called with each run's arguments as keywords. It returns measured values by name (numbers,
-        strings, None), with the same names every time. It must be importable or picklable, and depend only on its
-        arguments. If it raises SimulationError, this is a result: the error is in the row's ``status``, and the values
-        are missing.
+        strings, None), with the same names in every call. It must be importable or picklable, and depend only on its
+        arguments. A SimulationError that it raises is a result: the row's ``status`` has the error, and the values are
+        missing.
     runs
         Arguments of each call: mappings with the same names, of plain values (finite numbers, strings, booleans, None).
         Equal runs are made only once; 1 and 1.0 are equal.
@@ -89,7 +90,7 @@ class Study:
 
 
 def grid(**levels: Iterable[Scalar] | Scalar) -> list[dict[str, Scalar]]:
-    """Return all combinations of the ``levels`` of each argument, the last changing fastest; one value is one level."""
+    """Return all combinations of the ``levels`` of the arguments; the last changes fastest, one value is one level."""
     lists = [[v] if isinstance(v, str) or not isinstance(v, Iterable) else list(v) for v in levels.values()]
     return [dict(zip(levels, values, strict=True)) for values in itertools.product(*lists)]
 
@@ -233,7 +234,7 @@ def _results(trial: Trial, todo: Mapping[str, Mapping[str, Scalar]], n_jobs: int
 
 @contextlib.contextmanager
 def _interrupted_later() -> Iterator[None]:
-    """Delay Ctrl-C, and hide it from processes that are started meanwhile: this process stops them."""
+    """Delay Ctrl-C, and block it in processes that are started meanwhile, because this process stops them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -317,7 +318,7 @@ def _key(arguments: Mapping[str, Scalar]) -> str:
 
 
 def _plain(what: str, value: Any, *, finite: bool = True) -> Scalar:
-    """Return ``value`` as a plain Python value; raise InvalidInputError if it is none."""
+    """Return ``value`` as a plain Python value; raise InvalidInputError if this is not possible."""
     if hasattr(value, "item") and getattr(value, "shape", None) == ():
         value = value.item()
     if not isinstance(value, (bool, int, float, str, type(None))):

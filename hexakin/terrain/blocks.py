@@ -23,7 +23,8 @@ class Blocks:
 
     The paper gives blocks 0.1 and 0.2 m wide and 0.04 to 0.13 m high; the layout is assumed here.
 
-    On an edge between blocks the higher block counts. Raises InvalidInputError for a parameter out of its range.
+    On an edge between blocks the height is that of the higher block. Raises InvalidInputError for a parameter out of
+    its range.
 
     Parameters
     ----------
@@ -36,8 +37,8 @@ class Blocks:
         Largest height difference [m] between blocks that share an edge; with None all heights are independent. It does
         not limit the step from the ground around the blocks to the outer blocks.
     extent
-        Area (x_min, x_max, y_min, y_max) [m] to cover with whole blocks: the default ends at x = 0.8 m, and blocks of
-        0.2 m then end at 0.9 m.
+        Area (x_min, x_max, y_min, y_max) [m] to cover with whole blocks. The outer blocks may extend beyond it: the
+        default area ends at x = 0.8 m, and its blocks of 0.2 m end at 0.9 m.
     level
         Blocks whose centres lie within this distance [m] of the origin share one height, so that the robot starts on
         level ground; with 0 no blocks are levelled.
@@ -105,12 +106,12 @@ class Blocks:
     def tops(self) -> Array:
         """Heights (nx, ny) [m] of the blocks.
 
-        The blocks are visited in random order. Each height is drawn uniformly from the heights that the earlier ones
-        still allow, which form an interval: if two heights differ by at most max_step times the number of blocks
-        between them, all other heights can always be completed (McShane's extension of Lipschitz functions, 1934). So
-        no height is drawn twice or corrected later. No direction is preferred, nor high over low, and the whole range
-        is used. Two other methods were rejected: a random walk from block to block depends on its first block, and
-        smoothing independent heights pulls them to the middle of the range.
+        The blocks are visited in random order. Each height is drawn uniformly from the interval of heights that the
+        earlier blocks still allow. If any two drawn heights differ by at most max_step times the number of steps from
+        one block to the other, allowed heights exist for all other blocks (McShane's extension of Lipschitz functions,
+        1934). So no height is drawn twice or corrected later. The method prefers no direction and neither high nor low
+        blocks, and it uses the whole range. Two other methods were rejected: a random walk from block to block depends
+        on its first block, and smoothing independent heights moves them towards the middle of the range.
         """
         low, high = self.heights
         rng = np.random.default_rng(self.seed)
@@ -145,10 +146,10 @@ class Blocks:
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m].
 
-        On an edge between blocks it is the height of the highest one.
+        On an edge between blocks the result is the height of the highest of these blocks.
         """
         px, py = check_points(x, y)
-        # Left and right differ only exactly on an edge; there they are the blocks on both sides.
+        # The left and the right index differ only exactly on an edge, where they are the blocks on its two sides.
         i = [np.searchsorted(self.x_edges, px, side="left"), np.searchsorted(self.x_edges, px, side="right")]
         j = [np.searchsorted(self.y_edges, py, side="left"), np.searchsorted(self.y_edges, py, side="right")]
         return np.max([self._tops_and_ground[a, b] for a in i for b in j], axis=0)
@@ -162,7 +163,8 @@ class Blocks:
         """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
 
         ``direction`` (..., 3) is the ray's unit vector. The ray can hit a top or a side of a block. The distance is inf
-        if the ray misses the ground. From an origin under the ground it is the vertical gap, which is negative.
+        if the ray misses the ground. If the origin is under the ground, the result is the vertical gap, which is
+        negative.
         """
         p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
         gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
