@@ -49,8 +49,9 @@ def simulate(
     recordings.
 
     Raises UnknownNameError for an unknown engine, engine option, ``force_sampling`` or terrain; InvalidInputError for a
-    number, controller or command that cannot be used; JointLimitError, which names the leg, if an angle of ``q_start``
-    is beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns over.
+    number, controller or command that cannot be used; JointLimitError, which names the leg, if a given angle at the
+    start is beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns
+    over.
 
     Parameters
     ----------
@@ -65,8 +66,7 @@ def simulate(
     duration
         Duration [s] of the walk, without settling.
     max_cycles
-        Largest number of gait cycles, after which the walk ends before ``duration``; None means that there is no such
-        limit.
+        Largest number of gait cycles; None means no limit. The walk also ends after ``duration``.
     time_step
         Time step [s] of the engine. A control tick must be a whole number of time steps.
     control_rate
@@ -76,8 +76,8 @@ def simulate(
     seed
         Seed of the perturbation.
     perturbation
-        Largest absolute value [rad] of the random numbers that are added to the joint angles at the start. The sums are
-        clipped to the joint limits.
+        Largest absolute value [rad] of the random numbers, drawn with ``seed``, that are added to the joint angles at
+        the start. The sums are clipped to the joint limits.
     q_start
         Joint angles (L, 3) [rad] at the start, for example ``hexakin.rising.lying_q``; None means the standing pose.
     settling_time
