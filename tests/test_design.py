@@ -163,7 +163,7 @@ def test_what_is_impossible_is_said_to_be(athena):
 def test_arguments_that_cannot_be_used_are_named(athena):
     with pytest.raises(UnknownNameError, match="first_phase"):
         longest_stride(athena, first_phase="half")
-    for keywords in ({"body_height": -0.1}, {"slope": 3.0}, {"friction": -1.0}, {"apex": np.nan}):
+    for keywords in ({"body_height": np.inf}, {"slope": 3.0}, {"friction": -1.0}, {"apex": np.nan}):
         with pytest.raises(InvalidInputError, match=next(iter(keywords))):
             longest_stride(athena, **keywords)
     with pytest.raises(InvalidInputError, match="stride"):

@@ -7,6 +7,7 @@ import copy
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -14,8 +15,11 @@ import pytest
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError
-from hexakin.kinematics import BRANCH_SIGNS, code_cache, evaluation
-from hexakin.kinematics.leg_functions import leg_functions
+from hexakin.kinematics import BRANCH_SIGNS, code_cache, evaluation, forward
+from hexakin.kinematics.bounds import LIMIT_TOLERANCE, REACH_TOLERANCE, Bounds
+from hexakin.kinematics.evaluation import OutOfRangeError, forward_of, inverse_of, jacobian_of
+from hexakin.kinematics.leg_functions import leg_functions, within_half_turn
+from hexakin.numerics.trigonometry import LARGEST
 from hexakin.robot.leg_table import DHRow, LegTable, pi_multiple
 
 CODES = ("scalar", "arrays", "loops")
@@ -160,7 +164,7 @@ def test_flags_of_a_million_targets_are_those_of_the_exact_distance(athena, code
     x = foot[..., 0] - l_1 * np.cos(theta_1)
     y = foot[..., 1] - l_1 * np.sin(theta_1)
     square = (np.sqrt(x * x + y * y) - l_2) ** 2 + foot[..., 2].astype(np.longdouble) ** 2
-    tolerance = evaluation.REACH_TOLERANCE * (l_3 + l_4) ** 2
+    tolerance = REACH_TOLERANCE * (l_3 + l_4) ** 2
     room = np.minimum((l_3 + l_4) ** 2 - square, square - (l_3 - l_4) ** 2) + tolerance
     # An extended float is exact to 1e-19 here, and the code to 1e-16: no target may lie between.
     assert np.abs(room).min() > 1e-17 and (np.abs(room) < 1e-11).sum() > 100
@@ -197,22 +201,129 @@ def test_a_foot_in_the_second_joint_of_equal_links_is_solved(code):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("count", [1, 500])
-def test_what_is_not_finite_is_named_in_a_batch(code, athena, bad, count):
-    q = np.zeros((count, 6, 3))
-    q[-1, 2, 1] = bad
-    place = rf" \(at index {count - 1}\)"
+@pytest.mark.parametrize("count", [1, 2, 10, 500, 5000])
+@pytest.mark.parametrize("last", [True, False])
+def test_what_is_not_finite_is_named_in_a_batch(code, athena, bad, count, last):
+    q, at = np.zeros((count, 6, 3)), count - 1 if last else 0
+    q[at, 2, 1] = bad
+    place = rf" \(at index {at}\)$"
     for call in (hk.forward_kinematics, hk.jacobian):
-        with pytest.raises(InvalidInputError, match=rf"q: leg 3, joint 2 is {bad}.*{place}"):
+        with pytest.raises(InvalidInputError, match=rf"^q: leg 3, joint 2 is {bad}.*{place}") as caught:
             call(athena, q)
-    for options in ({}, {"branch": "all"}, {"near": np.zeros((count, 6, 3))}):
-        with pytest.raises(InvalidInputError, match=rf"p_body_foot: leg 3, coordinate 2 is {bad}.*{place}"):
+        assert caught.value.__context__ is None, "no other error is shown with it"
+    for options in ({}, {"branch": "all"}, {"near": np.zeros((count, 6, 3))}, {"on_unreachable": "raise"}):
+        with pytest.raises(InvalidInputError, match=rf"^p_body_foot: leg 3, coordinate 2 is {bad}.*{place}") as caught:
             hk.inverse_kinematics(athena, q, **options)
+        assert caught.value.__context__ is None
 
 
-def test_a_foot_whose_square_overflows_is_out_of_reach(code, athena):
-    foot = np.full((200, 6, 3), 1e200)
-    assert not hk.inverse_kinematics(athena, foot).reachable.any()
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_number_that_is_not_finite_is_out_of_range_in_every_code(code, athena, bad):
+    """The functions behind the public ones return no values then."""
+    q = np.zeros((100, 6, 3))
+    q[3, 2, 1] = bad
+    for function in (forward_of(athena), jacobian_of(athena), inverse_of(athena, BRANCH_SIGNS)):
+        with pytest.raises(OutOfRangeError):
+            function(q)
+
+
+@pytest.mark.parametrize("count", [1, 2, 10, 500, 5000])
+def test_angles_of_any_size_are_taken(code, athena, rng, count):
+    """Where one is too large for the polynomials of a batch, all angles are brought within half a turn first."""
+    q = rng.uniform(athena.q_min, athena.q_max, (count, 6, 3))
+    q[-1, 4, 2], q[0, 0, 0] = 1e300, -1.7e308
+    for call in (hk.forward_kinematics, hk.jacobian):
+        found, small = call(athena, q), call(athena, within_half_turn(q))
+        assert np.array_equal(found, small) if code != "scalar" else np.abs(found - small).max() < 1e-15
+    q[0, 3, 1] = np.nan
+    with pytest.raises(InvalidInputError, match="q: leg 4, joint 2 is nan"):
+        hk.forward_kinematics(athena, q)
+
+
+@pytest.mark.parametrize("largest", [LARGEST, np.nextafter(LARGEST, np.inf)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_magnitude_alone_decides_which_batches_are_brought_within_half_a_turn(
+    code, athena, rng, largest, sign, monkeypatch
+):
+    brought = []
+    monkeypatch.setattr(forward, "within_half_turn", lambda q: brought.append(q) or within_half_turn(q))
+    q = rng.uniform(athena.q_min, athena.q_max, (300, 6, 3))
+    q[77, 1, 0] = sign * largest
+    foot = hk.forward_kinematics(athena, q)
+    assert len(brought) == (largest > LARGEST and code != "scalar")
+    assert np.abs(foot - hk.forward_kinematics(athena, within_half_turn(q))).max() < 1e-15
+
+
+@pytest.mark.parametrize("count", [1, 2, 200])
+def test_a_foot_whose_square_overflows_is_out_of_reach(code, athena, count):
+    foot = np.full((count, 6, 3), 1e200)
+    solution = hk.inverse_kinematics(athena, foot)
+    assert not solution.reachable.any() and np.isinf(solution.distance).all() and np.isnan(solution.q).all()
+
+
+# --- bounds ------------------------------------------------------------------------------------------------
+
+
+def test_bounds_are_those_of_the_robot(robot):
+    bounds = inverse_of(robot, BRANCH_SIGNS).bounds
+    reach = np.abs(leg_functions(robot.table).numeric.reach(robot.parameters.T)[1])
+    assert np.array_equal(bounds.tolerance, REACH_TOLERANCE * np.broadcast_to(reach, robot.num_legs) ** 2)
+    assert np.array_equal(bounds.middle.T, 0.5 * (robot.q_min + robot.q_max))
+    assert np.array_equal(bounds.low.T, robot.q_min - LIMIT_TOLERANCE)
+    assert np.array_equal(bounds.high.T, robot.q_max + LIMIT_TOLERANCE)
+    every = bounds.each(lambda values: np.concatenate([values, values], axis=-1)).first(robot.num_legs)
+    assert all(np.array_equal(one, other) for one, other in zip(bounds, every, strict=True))
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_each_bound_is_compared_with_its_own_angle(code, athena, rng, joint):
+    """In each code a change of one field changes what it bounds, and nothing else."""
+    inverse = inverse_of(athena, BRANCH_SIGNS[1:2])
+    q = rng.uniform(athena.q_min + 0.1, athena.q_max - 0.1, (50, 6, 3))
+    q[..., 2] = np.minimum(q[..., 2], -0.1)  # the branch of the standing pose
+    foot = hk.forward_kinematics(athena, q)
+    right = inverse(foot)
+    angle = right.q[0, :, joint]
+    assert right.within_limits.sum() > 100
+
+    def changed(name, value):
+        values = getattr(inverse.bounds, name).copy()
+        values[joint] = value
+        found = replace(inverse, bounds=inverse.bounds._replace(**{name: values}))(foot)
+        assert np.array_equal(found.reachable, right.reachable) and np.array_equal(found.distance, right.distance)
+        return found
+
+    median = np.median(angle)
+    high, low = changed("high", median), changed("low", median)
+    assert np.array_equal(high.within_limits[0], right.within_limits[0] & (angle <= median))
+    assert np.array_equal(low.within_limits[0], right.within_limits[0] & (angle >= median))
+    assert np.array_equal(high.q, right.q) and np.array_equal(low.q, right.q)
+    turned = changed("middle", inverse.bounds.middle[joint] + 2.0 * np.pi).q - right.q
+    expected = np.zeros(3)
+    expected[joint] = 2.0 * np.pi
+    assert np.abs(turned - expected).max() < 1e-14
+
+
+def test_the_tolerance_is_added_to_the_reach(code, athena):
+    """A straight leg is 1 mm too short; its squared distance is 0.33e-3 m^2 out of reach."""
+    inverse = inverse_of(athena, BRANCH_SIGNS[1:2])
+    q = np.zeros((20, 6, 3))
+    theta_1 = athena.parameters[:, 0]
+    foot = hk.forward_kinematics(athena, q) + 1e-3 * np.stack([np.cos(theta_1), np.sin(theta_1), 0 * theta_1], axis=-1)
+    assert not inverse(foot).reachable.any()
+    for tolerance, reached in ((3e-4, False), (4e-4, True)):
+        bounds = inverse.bounds._replace(tolerance=np.full(6, tolerance))
+        found = replace(inverse, bounds=bounds)(foot)
+        assert (found.reachable == reached).all() and (np.isfinite(found.q) == reached).all()
+
+
+def test_the_generated_code_reads_every_field_of_the_bounds_by_its_name(robot):
+    numeric = leg_functions(robot.table).numeric
+    assert set(numeric.inverse_scalar.__code__.co_names) >= set(Bounds._fields)
+    loops = pytest.importorskip("numba") and leg_functions(robot.table).loops
+    inverse = inverse_of(robot, BRANCH_SIGNS)
+    rows = loops.inverse_rows(inverse.constants[0], inverse.bounds)
+    assert np.array_equal(rows, np.vstack([inverse.constants[0], *inverse.bounds]))
 
 
 def test_empty_strided_and_read_only_arrays_are_taken(code, athena, rng):

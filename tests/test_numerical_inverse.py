@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.exceptions import UnreachableError
+from hexakin.exceptions import InvalidInputError, UnreachableError
 from hexakin.kinematics import numerical, path_inverse_kinematics, posed_inverse_kinematics, standing_branch
 from hexakin.kinematics.leg_functions import closed_form, reach
 
@@ -78,6 +78,16 @@ def test_feet_out_of_reach_are_marked_or_named(skewed):
     assert np.argwhere(~solution.reachable).tolist() == [[1, 4]] and np.isnan(solution.q[1, 4]).all()
     with pytest.raises(UnreachableError, match=r"leg 5: .* exceeds its reach 0\.164\d+ m \(at index 1\)"):
         hk.inverse_kinematics(skewed, foot, on_unreachable="raise")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("count", [1, 2, 300])
+def test_a_coordinate_that_is_not_finite_is_named(skewed, bad, count):
+    foot = hk.forward_kinematics(skewed, np.stack([skewed.standing_q] * count))
+    foot[-1, 2, 1] = bad
+    for options in ({}, {"branch": "all"}, {"near": skewed.standing_q}):
+        with pytest.raises(InvalidInputError, match=rf"leg 3, coordinate 2 is {bad}.*\(at index {count - 1}\)"):
+            hk.inverse_kinematics(skewed, foot, **options)
 
 
 def test_a_stretched_leg_is_solved(skewed):

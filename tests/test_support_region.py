@@ -37,8 +37,9 @@ def bent_athena(athena, rng, max_torque=1.89):
     robot = dataclasses.replace(athena, servo=dataclasses.replace(athena.servo, max_torque=max_torque))
     T = pose(rpy_rotation(rng.uniform(-0.2, 0.2, 3)), [0.0, 0.0, 0.1])
     q = robot.standing_q + rng.uniform(-0.3, 0.3, (6, 3))
-    ground, every = SimpleNamespace(normal=lambda x, y: uneven(rng).normals), np.ones(6, dtype=bool)
-    return contacts_of(robot, T, q, every, ground, friction=0.6, torque_limits=True)
+    unused = dict.fromkeys(("height", "distance_along", "shapes"), len)
+    ground = SimpleNamespace(normal=lambda x, y: uneven(rng).normals, **unused)
+    return contacts_of(robot, T, q, np.ones(6, dtype=bool), ground, friction=0.6, torque_limits=True)
 
 
 def directions(rng, count):

@@ -1,5 +1,7 @@
 """What sympy derives equals the paper's equations, and the generated code equals what sympy derives."""
 
+import ast
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -89,6 +91,13 @@ def test_the_shipped_code_is_what_the_generator_writes():
     folder = PACKAGE / "generated"
     written = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.py")}
     assert written == generated_files()
+
+
+def test_no_generated_function_has_more_than_twelve_parameters():
+    for path in (PACKAGE / "generated").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                assert len(node.args.args) <= 12, (path.name, node.name)
 
 
 def table(convention, rows, joints=("a", "b", "c")):
