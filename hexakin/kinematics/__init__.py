@@ -1,4 +1,11 @@
-"""Forward and inverse kinematics and Jacobians of all legs, broadcasting over leading axes."""
+"""Forward and inverse kinematics and Jacobians of all legs.
+
+- ``forward``, ``inverse``: the public functions. They check their arguments.
+- ``branches``: the branches of the inverse, and the choice among them.
+- ``evaluation``: which of three numeric codes evaluates the formulas. ``bounds``: what the inverse compares with.
+- ``leg_functions``, ``code_cache``: the numeric code of a leg type, and where that of unshipped leg types is kept.
+- ``numerical``: the inverse of a leg without a closed form.
+"""
 
 from hexakin.kinematics.branches import BRANCH_SIGNS, InverseSolution, standing_branch
 from hexakin.kinematics.evaluation import prepare

@@ -1,4 +1,10 @@
-"""Branches of the inverse kinematics: all of them, the standing pose's, the one nearest to given angles."""
+"""Branches of the inverse kinematics: all of them, the standing pose's, the one nearest to given angles.
+
+The branches are those of A(14)-(18) and B(12)-(13), four for each leg.
+
+The functions here take arrays whose shape is checked. For legs with a closed form they raise ``OutOfRangeError``
+(``hexakin.kinematics.evaluation``) if a coordinate of a foot is not finite.
+"""
 
 from __future__ import annotations
 
@@ -11,30 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array
-from hexakin.kinematics.evaluation import LIMIT_TOLERANCE, Solved, forward_of, inverse_of, reach_of
+from hexakin.kinematics.bounds import LIMIT_TOLERANCE
+from hexakin.kinematics.evaluation import Solved, forward_of, inverse_of, reach_of
 from hexakin.kinematics.leg_functions import closed_form, reach
 from hexakin.kinematics.numerical import solve_numerically
 from hexakin.robot.model import Robot
 from hexakin.transforms import wrapped
 
 BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-"""Signs (side of the first joint, knee) of the four inverse branches, (4, 2); every result keeps this order."""
+"""Signs (side of the first joint, knee) of the four inverse branches, (4, 2). Every result has this order."""
 
-_CHUNK = 1024  # poses whose four branches are compared at a time: what that takes stays in the cache
+_CHUNK = 1024  # poses whose four branches are compared at a time: few enough for the cache
 
 
 @dataclass(frozen=True)
 class InverseSolution:
     """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
 
-    ``q`` (..., L, 3) or (..., L, 4, 3) [rad], each within half a turn of the
-    middle of its limits, NaN where not reachable;
-    ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) bool; ``branch`` (..., L) the index of the
-    branch into ``BRANCH_SIGNS`` (of the four themselves with ``"all"``); ``distance`` (..., L) or
-    (..., L, 4) [m] from the leg's second joint to the foot and ``reach`` (..., 2) [m], the bounds that it must keep.
+    ``q`` (..., L, 3) or (..., L, 4, 3) [rad] are the angles, each within half a turn of the middle of its limits; NaN
+    where the foot is not reachable. ``reachable`` and ``within_limits`` (..., L) or (..., L, 4) are flags. ``branch``
+    (..., L) or (..., L, 4) are indices into ``BRANCH_SIGNS``. ``distance`` (..., L) or (..., L, 4) [m] is from the
+    leg's second joint to the foot, and ``reach`` (..., L, 2) or (..., L, 4, 2) [m] are its lower and upper bound.
 
     ``numerical`` is true for a leg whose inverse is not known in closed form. Its branches are then the solutions that
-    were found, ordered by their largest angle's difference from the standing pose: 0 is the nearest to it.
+    were found, ordered by the largest difference of an angle from the standing pose; 0 is the nearest to it.
     """
 
     q: Array
@@ -48,10 +54,8 @@ class InverseSolution:
 
 @lru_cache(maxsize=64)
 def standing_branch(robot: Robot) -> NDArray[np.int_]:
-    """Index (L,) into ``BRANCH_SIGNS`` of the branch that holds each leg's standing pose."""
-    feet = forward_of(robot)(robot.standing_q)
-    assert feet is not None
-    every = every_branch(robot, feet)
+    """Return the index (L,) into ``BRANCH_SIGNS`` of the branch of each leg's standing pose, for ``robot``."""
+    every = every_branch(robot, forward_of(robot)(robot.standing_q))
     change = np.abs(wrapped(every.q - robot.standing_q[:, None, :])).max(axis=-1)
     index = np.argmin(np.where(every.reachable, change, np.inf), axis=-1)
     index.setflags(write=False)
@@ -59,14 +63,17 @@ def standing_branch(robot: Robot) -> NDArray[np.int_]:
 
 
 def inside(robot: Robot, q: Array, branches: int = 0) -> NDArray[np.bool_]:
-    """Whether angles (..., L, 3), or (..., L, b, 3) with ``branches`` 1, keep the limits."""
+    """Return whether the angles of each leg of ``robot`` are within their limits, as flags (..., L) or (..., L, b).
+
+    ``q`` (..., L, 3) [rad] are the angles; (..., L, b, 3) with ``branches`` 1, where b is the number of branches.
+    """
     extra = (slice(None), *[None] * branches, slice(None))
     low, high = robot.q_min[extra], robot.q_max[extra]
     return np.all((q >= low - LIMIT_TOLERANCE) & (q <= high + LIMIT_TOLERANCE), axis=-1)
 
 
 def every_branch(robot: Robot, foot: Array) -> InverseSolution:
-    """All four branches for feet (..., L, 3)."""
+    """Return all four branches of ``robot`` for feet ``foot`` (..., L, 3) [m]."""
     if closed_form(robot.table):
         shape = foot.shape[:-1]
         solved = _for_every_branch(robot)(foot)
@@ -93,7 +100,11 @@ def every_branch(robot: Robot, foot: Array) -> InverseSolution:
 
 
 def followed(every: InverseSolution, start: Array) -> InverseSolution:
-    """Along a path (n, L, 4): at each sample the solution nearest to that of the sample before."""
+    """Return along a path the solution that is nearest, for each leg, to the solution before.
+
+    ``every`` are all solutions at n positions, with branches (n, L, 4). ``start`` (L, 3) [rad] are the angles before
+    the first position. Where a leg has no solution, the next one is compared with the last one that it had.
+    """
     chosen = np.zeros(every.reachable.shape[:-1], dtype=int)
     legs = np.arange(len(start))
     for k in range(len(chosen)):
@@ -116,18 +127,18 @@ def _for_standing_branch(robot: Robot) -> Callable[[Array], Solved]:
 
 @lru_cache(maxsize=64)
 def _same_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], Array]:
-    """Branch and reach of legs in a result of ``shape`` (..., L): read-only views of one value each."""
+    """Return standing branch and reach of legs in a result of ``shape`` (..., L), as read-only views."""
     return np.broadcast_to(standing_branch(robot), shape), np.broadcast_to(reach_of(robot), (*shape, 2))
 
 
 @lru_cache(maxsize=64)
 def _four_for_all(robot: Robot, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], Array]:
-    """Index and reach of the four branches of legs in a result of ``shape`` (..., L): read-only views."""
+    """Return index and reach of the four branches of legs in a result of ``shape`` (..., L), as read-only views."""
     return np.broadcast_to(np.arange(4), (*shape, 4)), np.broadcast_to(reach_of(robot)[:, None, :], (*shape, 4, 2))
 
 
 def on_standing_branch(robot: Robot, foot: Array) -> InverseSolution:
-    """Each leg's standing branch for feet (..., L, 3)."""
+    """Return the standing branch of each leg of ``robot`` for feet ``foot`` (..., L, 3) [m]."""
     shape = foot.shape[:-1]
     found = _for_standing_branch(robot)(foot)
     index, bounds = _same_for_all(robot, shape)
@@ -142,7 +153,10 @@ def on_standing_branch(robot: Robot, foot: Array) -> InverseSolution:
 
 
 def picked(solution: InverseSolution, position: NDArray[np.int_], branch: NDArray[np.int_]) -> InverseSolution:
-    """Of a solution with every branch the one at ``position`` (..., L), which is numbered ``branch``."""
+    """Return one branch for each leg of a ``solution`` with every branch.
+
+    ``position`` (..., L) is the branch's index in the solution, and ``branch`` (..., L) its number in the result.
+    """
 
     def take(values: np.ndarray) -> Any:
         extra = values.ndim - position.ndim - 1
@@ -155,7 +169,10 @@ def picked(solution: InverseSolution, position: NDArray[np.int_], branch: NDArra
 
 
 def nearest(robot: Robot, foot: Array, near: Array) -> InverseSolution:
-    """Each leg's branch with the smallest largest change from ``near``; both (..., L, 3)."""
+    """Return for each leg of ``robot`` the branch whose largest change of an angle from ``near`` is smallest.
+
+    ``foot`` [m] and ``near`` [rad] are of the same shape (..., L, 3).
+    """
     nearest_of = _nearest_branch if closed_form(robot.table) else _nearest_found
     total = foot.size // 3
     if total <= _CHUNK:

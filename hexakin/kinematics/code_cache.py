@@ -1,8 +1,9 @@
 """Numeric code of leg types that are not shipped, kept in the user's cache directory.
 
-A file is named after the leg type and the generator that wrote it, and begins with a checksum of the rest: one that is
-damaged counts as missing, and one of an older generator is never looked at. Files are written whole and renamed into
-place, so that processes may do so at once. Where nothing can be written, the code is derived in each process.
+The name of a file depends on the leg type and on the generator's sources, so that the file of an older generator is
+never read. A file begins with a checksum of the rest; one that is damaged counts as missing. Files are written under
+another name and renamed, so that several processes may write at once. Where nothing can be written, each process
+derives the code.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from hexakin.robot.leg_table import LegTable
 PARTS = ("numeric", "loops")
 
 _MADE_BY = ("hexakin.symbolic.generate", "hexakin.generated")
-"""What writes a leg type's code, and code so written: that imports what any leg type's code runs with."""
+"""The generator, and code that it wrote, which imports the modules that the code of every leg type runs with."""
 
 
 def directory() -> Path:
-    """Where the code is kept; ``HEXAKIN_CACHE`` in the environment overrides the platform's place for caches."""
+    """Return the directory of the code: ``HEXAKIN_CACHE`` of the environment, or the platform's place for caches."""
     chosen = os.environ.get("HEXAKIN_CACHE")
     if chosen:
         return Path(chosen)
@@ -39,7 +40,7 @@ def directory() -> Path:
 
 
 def code_files(table: LegTable) -> dict[str, Path]:
-    """Return the files of a leg type, ``numeric`` and ``loops``, derived and written first if they are not there.
+    """Return the files ``numeric`` and ``loops`` of the leg type of ``table``; write them if they are not there.
 
     Raises OSError if they cannot be written.
     """
@@ -54,7 +55,7 @@ def code_files(table: LegTable) -> dict[str, Path]:
 
 
 def derived(table: LegTable) -> dict[str, str]:
-    """Source text of a leg type, derived now."""
+    """Derive the source text of the leg type of ``table``, ``numeric`` and ``loops``."""
     from hexakin.symbolic.generate import generate
 
     sources = generate(table)
@@ -62,7 +63,10 @@ def derived(table: LegTable) -> dict[str, str]:
 
 
 def loaded(path: Path) -> ModuleType:
-    """Return the module of a file that ``code_files`` gave."""
+    """Return the module of the file ``path``, which ``code_files`` returned.
+
+    Raises OSError if the file was changed in the meantime.
+    """
     text = _checked(path)
     if text is None:
         raise OSError(f"{path}: changed since it was written")
@@ -70,7 +74,10 @@ def loaded(path: Path) -> ModuleType:
 
 
 def executed(text: str, filename: str, name: str) -> ModuleType:
-    """Return a module made of the generator's own source text."""
+    """Execute ``text``, written by the generator, and return the module.
+
+    ``filename`` is shown in tracebacks; ``name`` is the last part of the module's name.
+    """
     module = ModuleType(f"hexakin.generated.{name}")
     module.__file__ = filename
     exec(compile(text, filename, "exec"), module.__dict__)

@@ -1,10 +1,20 @@
-"""Which of a leg type's numeric codes is run: one pose at a time, NumPy in blocks, or compiled loops.
+"""Forward kinematics, Jacobians and inverse kinematics of a robot, by one of three numeric codes of its leg type.
 
-Up to ``FEW`` leg poses Python's own floats are the fastest, since each call of NumPy costs as much as dozens of
-their operations. Beyond, NumPy works on blocks that stay in the cache. Compiled loops are five to ten times faster
-still, but to load them takes a process about a second (and to compile them ten, once for an installation). A call with
-``MANY`` leg poses loads them; smaller batches use them after ``prepare``. Only the size of a call decides, and not what
-was called before it: equal arguments give equal bits. The results of the three agree to rounding, not to the last bit.
+The formulas are those of A(12) and A(14)-(18), and of B(1)-(13), derived again for each leg type.
+
+- *Floats*: Python's floats, leg by leg, for up to ``FEW`` leg poses. One call of NumPy costs as much as dozens of
+  operations with floats.
+- *Blocks*: NumPy, on blocks that fit the processor's cache.
+- *Loops*: loops compiled by numba, five to ten times faster than NumPy. To load them takes a process about a second,
+  and to compile them ten, once for an installation. A call with ``MANY`` leg poses loads them; after ``prepare`` all
+  calls with more than ``FEW`` use them.
+
+Apart from ``prepare``, only the size of a call decides which code is used, and not what was called before: equal
+arguments give equal bits. The results of the three codes agree to rounding.
+
+The functions here take arrays of floats with a checked shape. Each code checks the numbers as it reads them, and raises
+``OutOfRangeError`` instead of returning a result. The public functions then look for the element and name it. To check
+the numbers before would be to read them twice, which costs the loops up to a fifth of their time.
 """
 
 from __future__ import annotations
@@ -13,45 +23,48 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, read_only
+from hexakin.kinematics.bounds import Bounds, bounds_of
 from hexakin.kinematics.leg_functions import LegFunctions, leg_functions
 from hexakin.numerics.trigonometry import PER_TURN, TURN
 from hexakin.robot.model import Robot, check_robot
 
 FEW = 48
-"""Leg poses up to which Python's floats are used."""
+"""Largest number of leg poses for which Python's floats are used."""
 
 MANY = 500_000
-"""Leg poses of a call from which on compiled loops are loaded for it."""
+"""Smallest number of leg poses in a call that loads the compiled loops."""
 
-LIMIT_TOLERANCE = 1e-9
-"""[rad]: rounding must not push a pose on its limit out of it."""
-
-REACH_TOLERANCE = 1e-12
-"""Relative to the leg's squared length: a foot within about 1e-13 m of the boundary counts as reached, since a
-stretched leg's own forward kinematics lands outside by rounding."""
-
-_BLOCK = 12288  # leg poses: few enough for a cache, and a call of NumPy costs little beside its work
+_BLOCK = 12288  # leg poses: few enough for the cache, and enough that a call of NumPy costs little beside its work
 _NEAR = 3.14  # [rad]: a little less than half a turn
-_TILE = 288  # leg poses of a compiled loop: enough that to start it costs little, few enough for the cache
+_TILE = 288  # leg poses of a compiled loop: few enough for the cache, and enough that its start costs little
 
 
-def fits(robot: Robot, values: ArrayLike) -> bool:
-    """Whether ``values`` are an array (..., L, 3) of floats already, and need no conversion."""
+class OutOfRangeError(Exception):
+    """An argument is out of the range of the code that is used; the public functions deal with it.
+
+    A coordinate or an angle is not finite, or an angle of a batch is larger than ``LARGEST`` of
+    ``hexakin.numerics.trigonometry``.
+    """
+
+
+def fits(values: ArrayLike, robot: Robot) -> TypeGuard[Array]:
+    """Whether ``values`` are an array (..., L, 3) of floats already, for the L legs of ``robot``."""
     return type(values) is np.ndarray and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
 
 
 def prepare(robot: Robot) -> bool:
     """Load the compiled loops of a robot's legs now, for batches of all sizes from here on.
 
-    Returns whether there are any (False: no numba, or no place for machine code; NumPy then serves).
+    Returns whether there are any. There are none without numba, or without a place for machine code; NumPy is used
+    then. Raises InvalidInputError if ``robot`` is not a robot.
     """
     check_robot(robot)
     if leg_functions(robot.table).loops is None:
@@ -64,12 +77,17 @@ _prepared: set[str] = set()  # leg types
 
 
 def _loops(functions: LegFunctions, count: int) -> ModuleType | None:
+    """Return the compiled loops if a call of ``count`` leg poses uses them."""
     return functions.loops if count >= MANY or functions.table.type_key in _prepared else None
 
 
 @dataclass(frozen=True)
 class _OfAngles:
-    """Foot positions or Jacobians of a robot's legs; ``shape`` is that of one leg's."""
+    """Foot positions or Jacobians of a robot's L legs.
+
+    ``name`` is "forward" or "jacobian", and ``shape`` the shape of one leg's values. ``constants`` (k, L) are the legs'
+    constants in the formulas.
+    """
 
     functions: LegFunctions
     name: str
@@ -85,32 +103,35 @@ class _OfAngles:
         return self.constants.T.tolist()
 
     @cached_property
-    def tiled(self) -> dict[int, Array]:
-        return {size: _tiled(self.constants, size) for size in (_BLOCK, _TILE)}
+    def block(self) -> Array:
+        return _tiled(self.constants, _BLOCK)
 
-    def __call__(self, q: Array) -> Array | None:
-        """Values for angles ``q`` (..., L, 3) [rad]; None if one is not finite, or too large for a batch."""
+    @cached_property
+    def tile(self) -> Array:
+        return _tiled(self.constants, _TILE)
+
+    def __call__(self, q: Array) -> Array:
+        """Return the values (..., L, *shape) for angles ``q`` (..., L, 3) [rad].
+
+        Raises OutOfRangeError for an angle that is not finite, or is too large for the polynomials of a batch.
+        """
+        result = np.empty(q.shape[:-1] + self.shape)
         if q.size <= 3 * FEW:
-            many = self.rows if q.ndim == 2 else self.rows * (q.size // (3 * len(self.rows)))
-            try:
-                values = self.scalar(many, q.tolist() if q.ndim == 2 else q.reshape(-1, 3).tolist())
-            except ValueError:  # the sine of an infinite angle
-                return None
-            if not math.isfinite(sum(values)):
-                return None
-            result = np.empty(q.shape[:-1] + self.shape)
-            result.reshape(-1)[:] = values  # in half the time of np.array(values).reshape(...)
+            angles = q.ravel().tolist()
+            if not all(map(math.isfinite, angles)):
+                raise OutOfRangeError
+            result.ravel()[:] = self.scalar(self.rows, angles)
             return result
         count, flat = q.size // 3, q.ravel()
-        result = np.empty(q.shape[:-1] + self.shape)
         loops = _loops(self.functions, count)
-        if loops is not None:
-            lost = getattr(loops, self.name)(self.tiled[_TILE], flat, result.ravel()) > 0
-            return None if lost else result
-        return result if self._blocks(flat.reshape(-1, 3), result.reshape(count, -1)) else None
+        if loops is None:
+            self._blocks(flat.reshape(-1, 3), result.reshape(count, -1))
+        elif getattr(loops, self.name)(self.tile, flat, result.ravel()):
+            raise OutOfRangeError
+        return result
 
-    def _blocks(self, q: Array, result: Array) -> bool:
-        numeric, constants = self.functions.numeric, self.tiled[_BLOCK]
+    def _blocks(self, q: Array, result: Array) -> None:
+        numeric, constants = self.functions.numeric, self.block
         arrays, rows = getattr(numeric, f"{self.name}_arrays"), getattr(numeric, f"{self.name.upper()}_ROWS")
         step = constants.shape[1]
         for start in range(0, len(q), step):
@@ -118,9 +139,8 @@ class _OfAngles:
             count = part.shape[1]
             try:
                 arrays(constants[:, :count], part, workspace(rows, count), result[start : start + step].T)
-            except ValueError:  # too large, or not a number
-                return False
-        return True
+            except ValueError as error:  # from hexakin.numerics.trigonometry.sincos
+                raise OutOfRangeError from error
 
 
 class _Workspace(threading.local):
@@ -136,7 +156,7 @@ _workspace = _Workspace()
 
 
 def workspace(rows: int, count: int) -> Array:
-    """Rows (``rows``, ``count``) of the thread's memory; what was in them before is lost."""
+    """Return an array (``rows``, ``count``) in the thread's memory. What was in it before is lost."""
     if _workspace.values.size < rows * count:
         _workspace.values = np.empty(rows * count)
     return _workspace.values[: rows * count].reshape(rows, count)
@@ -150,30 +170,45 @@ class Solved(NamedTuple):
     within_limits: NDArray[np.bool_]
     distance: Array
 
+    def at(self, index: Any) -> Solved:
+        """Return the part at ``index`` of the axes b and N, as views."""
+        return Solved(*(values[index] for values in self))
+
 
 @dataclass(frozen=True)
 class _Inverse:
-    """Inverse of a robot's legs on b branches, with ``constants`` (b, k, L); the last ten are ``bounds``."""
+    """Inverse of a robot's L legs on b branches.
+
+    ``constants`` (b, k, L) are the legs' constants in the formulas; ``bounds`` are those of the L legs, as arrays.
+    """
 
     functions: LegFunctions
     constants: Array
+    bounds: Bounds
 
     @cached_property
-    def rows(self) -> list[list[list[float]]]:
-        return np.swapaxes(self.constants, 1, 2).tolist()
+    def rows(self) -> tuple[list[list[list[float]]], Bounds]:
+        return np.swapaxes(self.constants, 1, 2).tolist(), self.bounds.each(lambda values: values.T.tolist())
 
     @cached_property
-    def tiled(self) -> dict[int, Array]:
-        return {size: _tiled(self.constants, size) for size in (_BLOCK, _TILE)}
+    def block(self) -> tuple[Array, Bounds]:
+        return _tiled(self.constants, _BLOCK), self.bounds.each(partial(_tiled, size=_BLOCK))
+
+    @cached_property
+    def tile(self) -> Array:
+        loops = self.functions.loops
+        assert loops is not None
+        return _tiled(np.array([loops.inverse_rows(constants, self.bounds) for constants in self.constants]), _TILE)
 
     def __call__(self, foot: Array, total: int = 0) -> Solved:
-        """Solve for feet (..., L, 3) [m], a part of ``total`` leg poses if that is more."""
+        """Solve for feet ``foot`` (..., L, 3) [m].
+
+        ``total`` is the number of leg poses of the whole call, if ``foot`` is a part of them. Raises OutOfRangeError
+        for a coordinate that is not finite.
+        """
         count, branches = foot.size // 3, len(self.constants)
         if count <= FEW:
-            feet, number = foot.reshape(-1, 3).tolist(), count // self.constants.shape[-1]
-            found = [self.functions.numeric.inverse_scalar(rows * number, feet) for rows in self.rows]
-            q, reachable, within, distance = (np.array(values) for values in zip(*found, strict=True))
-            return Solved(q.reshape(branches, count, 3), reachable, within, distance)
+            return self._floats(foot)
         flat = foot.ravel()
         result = Solved(
             np.empty((branches, count, 3)),
@@ -183,58 +218,56 @@ class _Inverse:
         )
         loops = _loops(self.functions, branches * max(count, total))
         if loops is not None:
-            loops.inverse(self.tiled[_TILE], flat, result.q.reshape(branches, -1), *result[1:])
-        else:
-            # A foot that is too far for its square is not reached.
-            with np.errstate(over="ignore", invalid="ignore"):
-                self._blocks(flat.reshape(-1, 3), result)
+            if loops.inverse(self.tile, flat, result.q.reshape(branches, -1), *result[1:]):
+                raise OutOfRangeError
+            return result
+        if not np.isfinite(flat).all():
+            raise OutOfRangeError
+        # A foot that is too far for its square is not reached.
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._blocks(flat.reshape(-1, 3), result)
         return result
 
+    def _floats(self, foot: Array) -> Solved:
+        feet = foot.ravel().tolist()
+        if not all(map(math.isfinite, feet)):
+            raise OutOfRangeError
+        branches, bounds = self.rows
+        found = [self.functions.numeric.inverse_scalar(rows, bounds, feet) for rows in branches]
+        q, reachable, within, distance = (np.array(values) for values in zip(*found, strict=True))
+        return Solved(q.reshape(len(branches), -1, 3), reachable, within, distance)
+
     def _blocks(self, foot: Array, result: Solved) -> None:
-        constants = self.tiled[_BLOCK]
+        constants, bounds = self.block
         step = constants.shape[-1]
         for start in range(0, len(foot), step):
             part = slice(start, min(start + step, len(foot)))
-            rows = workspace(self.functions.numeric.INVERSE_ROWS + 4, part.stop - start)
+            count = part.stop - start
+            rows = workspace(self.functions.numeric.INVERSE_ROWS + 4, count)
             feet, work = rows[:3], rows[3:]
             np.copyto(feet, foot[part].T)
-            for branch, every in enumerate(constants[:, :, : feet.shape[1]]):
-                self._block(
-                    every,
-                    feet,
-                    work,
-                    result.q[branch, part],
-                    result.reachable[branch, part],
-                    result.within_limits[branch, part],
-                    result.distance[branch, part],
-                )
+            for branch, every in enumerate(constants[..., :count]):
+                self._block(every, bounds.first(count), feet, work, result.at((branch, part)))
 
-    def _block(
-        self,
-        constants: Array,
-        feet: Array,
-        work: Array,
-        q: Array,
-        reachable: NDArray[np.bool_],
-        within: NDArray[np.bool_],
-        distance: Array,
-    ) -> None:
-        *angles, clearance, outer, inner, square = self.functions.numeric.inverse_arrays(constants[:-10], feet, work)
-        bounds, turns = constants[-10:], work[-1]
+    def _block(self, constants: Array, bounds: Bounds, feet: Array, work: Array, result: Solved) -> None:
+        """Solve for ``feet`` (3, n) on one branch and write ``result`` (n, ...), with the rows of ``work`` (m, n)."""
+        q, reachable, within, distance = result
+        *angles, clearance, outer, inner, square = self.functions.numeric.inverse_arrays(constants, feet, work)
+        turns = work[-1]
         np.sqrt(square, distance)
         least = np.minimum(np.minimum(clearance, outer, out=clearance), inner, out=clearance)
-        least += bounds[0]
+        least += bounds.tolerance
         np.greater_equal(least, 0.0, reachable)
         np.copyto(within, reachable)
         for k, angle in enumerate(angles):
-            np.subtract(bounds[1 + k], angle, turns)
+            np.subtract(bounds.middle[k], angle, turns)
             if turns.max() > _NEAR or turns.min() < -_NEAR:  # else there is no turn to take off
                 turns *= PER_TURN
                 np.rint(turns, turns)
                 turns *= TURN
                 angle += turns
-            within &= np.greater_equal(angle, bounds[4 + k])
-            within &= np.less_equal(angle, bounds[7 + k])
+            within &= np.greater_equal(angle, bounds.low[k])
+            within &= np.less_equal(angle, bounds.high[k])
             q[:, k] = angle
         if not reachable.all():
             q[~reachable] = np.nan
@@ -242,7 +275,7 @@ class _Inverse:
 
 @lru_cache(maxsize=64)
 def forward_of(robot: Robot) -> _OfAngles:
-    """Foot positions of a robot's legs as a function of its angles."""
+    """Return the foot positions of a robot's legs as a function of the angles."""
     functions = leg_functions(robot.table)
     constants = functions.numeric.forward_constants(robot.parameters.T)
     return _OfAngles(functions, "forward", (3,), _rows(constants, robot.num_legs))
@@ -250,31 +283,32 @@ def forward_of(robot: Robot) -> _OfAngles:
 
 @lru_cache(maxsize=64)
 def jacobian_of(robot: Robot) -> _OfAngles:
-    """Jacobians of a robot's legs as a function of its angles."""
+    """Return the Jacobians of a robot's legs as a function of the angles."""
     functions = leg_functions(robot.table)
     constants = functions.numeric.jacobian_constants(robot.parameters.T)
     return _OfAngles(functions, "jacobian", (3, 3), _rows(constants, robot.num_legs))
 
 
 def inverse_of(robot: Robot, signs: NDArray[np.int_]) -> _Inverse:
-    """Inverse of a robot's legs on the branches of ``signs`` (b, 2) or (L, b, 2): side and knee."""
+    """Return the inverse of a robot's legs as a function of the feet.
+
+    ``signs`` (b, 2), or (L, b, 2) if they differ from leg to leg, are the signs (side, knee) of the b branches. Raises
+    NoClosedFormError if the leg type has no closed form.
+    """
     functions = leg_functions(robot.table)
     functions.check_closed_form()
     p = robot.parameters.T
     sides = np.broadcast_to(signs, (robot.num_legs, *signs.shape[-2:])).astype(float)
-    tolerance = REACH_TOLERANCE * reach_of(robot)[:, 1] ** 2
-    middle = 0.5 * (robot.q_min + robot.q_max)
-    bounds = [tolerance, *middle.T, *(robot.q_min - LIMIT_TOLERANCE).T, *(robot.q_max + LIMIT_TOLERANCE).T]
     every = [
-        _rows([*functions.numeric.inverse_constants(p, sides[:, b, 0], sides[:, b, 1]), *bounds], robot.num_legs)
+        _rows(functions.numeric.inverse_constants(p, sides[:, b, 0], sides[:, b, 1]), robot.num_legs)
         for b in range(sides.shape[1])
     ]
-    return _Inverse(functions, np.array(every))
+    return _Inverse(functions, np.array(every), bounds_of(robot, reach_of(robot)[:, 1]))
 
 
 @lru_cache(maxsize=64)
 def reach_of(robot: Robot) -> Array:
-    """Inner and outer reach (L, 2) [m] of each leg with a closed-form inverse; read-only."""
+    """Return the inner and outer reach (L, 2) [m] of each leg with a closed-form inverse; read-only."""
     bounds = leg_functions(robot.table).numeric.reach(robot.parameters.T)
     return read_only(_rows([*bounds], robot.num_legs).T)
 
@@ -284,6 +318,6 @@ def _rows(constants: list, num_legs: int) -> Array:
     return np.array(rows).reshape(-1, num_legs)
 
 
-def _tiled(constants: Array, size: int) -> Array:
+def _tiled(values: Array, size: int) -> Array:
     """Repeat the legs (..., L) up to about ``size`` leg poses."""
-    return np.ascontiguousarray(np.tile(constants, max(1, size // constants.shape[-1])))
+    return np.ascontiguousarray(np.tile(values, max(1, size // values.shape[-1])))

@@ -1,83 +1,99 @@
-"""Feet, Jacobians, segments and joint axes of all legs from joint angles, broadcasting over leading axes."""
+"""Feet, Jacobians, segments and joint axes of all legs from joint angles (A(11)-(12), B(1)-(11)).
+
+All functions take angles with any number of leading axes. L is the number of the robot's legs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array
-from hexakin.kinematics.evaluation import fits, forward_of, jacobian_of
+from hexakin.kinematics.evaluation import OutOfRangeError, fits, forward_of, jacobian_of
+from hexakin.kinematics.leg_functions import within_half_turn
 from hexakin.robot.model import Robot, check_robot
 
 
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
-    """Foot positions in the body frame (A(12)).
+    """Return the foot positions (..., L, 3) [m] of ``robot`` in the body frame (A(12)).
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3) [m], to four units in the last place of the length of the leg's whole
-    chain, for angles of any size. Raises InvalidInputError for a wrong shape or an angle that is not finite, naming leg
-    and joint.
+    ``q`` (..., L, 3) [rad] are the joint angles, of any size. The error is at most four units in the last place of the
+    length of the leg's whole chain. Raises InvalidInputError if ``robot`` is not a robot, and for a wrong shape or an
+    angle that is not finite; the message names leg and joint.
     """
     return _of_angles(forward_of, robot, q)
 
 
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
-    """Derivative of each foot's position in the body frame by its leg's angles.
+    """Return the derivatives (..., L, 3, 3) [m/rad] of the foot positions of ``robot`` by the angles of their legs.
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3) [m/rad]. Raises InvalidInputError as ``forward_kinematics``.
+    Rows are the coordinates of the foot in the body frame, columns the joints. ``q`` (..., L, 3) [rad] are the joint
+    angles, of any size. Raises InvalidInputError as ``forward_kinematics`` does.
     """
     return _of_angles(jacobian_of, robot, q)
 
 
-def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array | None]], robot: Robot, q: ArrayLike) -> Array:
+def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array]], robot: Robot, q: ArrayLike) -> Array:
+    """Check the arguments and evaluate ``function_of(robot)``."""
     check_robot(robot)
-    # The generated code finds infinities and NaN itself; an array is looked through only if it has.
-    angles = cast(Array, q) if fits(robot, q) else check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    result = function_of(robot)(angles)
-    if result is None:
-        check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-        # Finite, but too large for the polynomials of a batch.
-        result = function_of(robot)(np.arctan2(np.sin(angles), np.cos(angles)))
-    assert result is not None
-    return result
+    angles = q if fits(q, robot) else _angles(robot, q)
+    function = function_of(robot)
+    try:
+        return function(angles)
+    except OutOfRangeError:
+        pass  # the angles are checked below: an error raised here would be shown together with this one
+    finite = _angles(robot, angles)
+    return function(within_half_turn(finite))  # one of them is too large for the polynomials of a batch
+
+
+def _angles(robot: Robot, q: ArrayLike) -> Array:
+    return check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
 
 
 def standing_height(robot: Robot) -> float:
-    """Height [m] of the body's origin above the ground when the robot stands: its reference height."""
+    """Return the height [m] of the body's origin above the ground when ``robot`` is in its standing pose.
+
+    Raises InvalidInputError if ``robot`` is not a robot.
+    """
     feet = forward_kinematics(robot, robot.standing_q)
     return float(robot.foot_radius - feet[:, 2].min())
 
 
 def segment_poses(robot: Robot, q: ArrayLike) -> Array:
-    """Pose in the body frame of each segment's frame (origin at its joint, x towards the next joint).
+    """Return the poses (..., L, 3, 4, 4) of the frames of the segments of ``robot`` in the body frame.
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 4, 4), the segments in the order coxa, femur, tibia.
+    The segments are coxa, femur and tibia, in this order. The origin [m] of a segment's frame is its joint, and x is
+    the direction to the next joint. ``q`` (..., L, 3) [rad] are the joint angles. Raises InvalidInputError as
+    ``forward_kinematics`` does.
     """
     return _joint_poses(robot, q) @ np.array([robot.segment_poses(leg) for leg in range(robot.num_legs)])
 
 
 def joint_axes(robot: Robot, q: ArrayLike) -> Array:
-    """Unit vectors along the joints' axes in the body frame, as columns: the angular Jacobian of each foot.
+    """Return unit vectors (..., L, 3, 3) along the joint axes of ``robot`` in the body frame, as columns.
 
-    ``q`` (..., L, 3) [rad] -> (..., L, 3, 3).
+    They are the angular Jacobian of each foot. ``q`` (..., L, 3) [rad] are the joint angles. Raises InvalidInputError
+    as ``forward_kinematics`` does.
     """
     return np.swapaxes(_joint_poses(robot, q)[..., :3, 2], -1, -2)
 
 
 def contact_jacobian(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
-    """Derivative (..., 3, 3) [m/rad] by the joint angles of the point of a foot that touches the ground.
+    """Return the derivative (..., 3, 3) [m/rad] by the joint angles of the point of a foot that touches the ground.
 
-    The point turns with the foot. ``jacobian`` is that of the foot's centre, ``axes`` those of ``joint_axes``, and
-    ``cross_lever`` (..., 3, 3) [m] the matrix that takes v to lever x v, with the lever from the centre to the point
-    (``hexakin.transforms.cross_matrix``); all in one frame. They are arrays, or CasADi's matrices of one leg.
+    The point turns with the foot. ``jacobian`` (..., 3, 3) [m/rad] is that of the foot's centre. ``axes`` (..., 3, 3)
+    are the joint axes as columns (``joint_axes``). ``cross_lever`` (..., 3, 3) [m] is the cross-product matrix of the
+    lever, which leads from the centre to the point (``hexakin.transforms.cross_matrix``). All three are in the same
+    frame, as arrays or as CasADi's matrices of one leg.
     """
     return jacobian - cross_lever @ axes
 
 
 def _joint_poses(robot: Robot, q: ArrayLike) -> Array:
-    """Pose (..., L, 3, 4, 4) in the body frame of each joint's frame, turned with the joint, whose axis is its z."""
+    """Return the pose (..., L, 3, 4, 4) of each joint's frame in the body frame; z is the axis, x turns with q."""
     check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])

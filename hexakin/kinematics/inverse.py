@@ -1,9 +1,12 @@
-"""Forward and inverse kinematics and Jacobians of all legs, broadcasting over leading axes."""
+"""Inverse kinematics of all legs, with checks of reach and joint limits (A(14)-(18), B(12)-(13)).
+
+All functions take feet with any number of leading axes, unless they say otherwise. L is the number of the robot's legs.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,14 +22,18 @@ from hexakin.kinematics.branches import (
     on_standing_branch,
     picked,
 )
-from hexakin.kinematics.evaluation import fits
+from hexakin.kinematics.evaluation import OutOfRangeError, fits
 from hexakin.kinematics.leg_functions import closed_form
 from hexakin.robot.model import Robot, check_robot
 from hexakin.transforms import inverse_pose, transform_points, wrapped
 
 
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
-    """Whether all three angles of each leg keep their limits: ``q`` (..., L, 3) [rad] -> (..., L)."""
+    """Return whether each leg of ``robot`` is within its joint limits, as flags (..., L).
+
+    ``q`` (..., L, 3) [rad] are the joint angles. An angle may be beyond its limit by 1e-9 rad, because of rounding.
+    Raises InvalidInputError for a wrong shape or an angle that is not finite.
+    """
     return inside(robot, check_array("q", q, (robot.num_legs, 3), ("leg", "joint")))
 
 
@@ -38,52 +45,63 @@ def inverse_kinematics(
     near: ArrayLike | None = None,
     on_unreachable: Literal["mark", "raise"] = "mark",
 ) -> InverseSolution:
-    """Joint angles that bring the feet to ``p_body_foot`` (..., L, 3) [m] in the body frame (A(14)-(18)).
+    """Joint angles that bring the feet of ``robot`` to ``p_body_foot`` (A(14)-(18)).
 
-    The branch is that of the standing pose, or the one nearest to the angles ``near`` (..., L, 3), or
-    all four with ``branch="all"``. Singular targets are solved too: a foot on the first joint's axis leaves the first
-    angle free, and 0 is returned; a stretched or folded leg's third angle is known to 1e-8 rad only, yet the foot is
-    where it should be; a foot in the second joint of equally long links leaves the second angle free.
+    ``p_body_foot`` (..., L, 3) [m] are positions in the body frame. ``branch`` is ``"standing"`` for the branch of the
+    standing pose, or ``"all"`` for all four branches. With ``near`` (..., L, 3) [rad] it is, for each leg, the branch
+    nearest to these angles; ``near`` and ``p_body_foot`` are broadcast against each other. ``on_unreachable`` is
+    ``"mark"``, then ``reachable`` of the result says which feet are out of reach, and their angles are NaN; or
+    ``"raise"``.
 
-    A leg without a known closed form is solved numerically (``hexakin.kinematics.numerical``); a foot is then reached
-    if it is missed by less than 1e-9 of the leg's length. With ``on_unreachable="raise"`` the first unreachable foot
-    raises UnreachableError, which names leg, distance and reach; otherwise ``reachable`` says which are not, and their
-    angles are NaN. Raises InvalidInputError for a wrong shape or a position that is not finite, and UnknownNameError
-    for an unknown option.
+    Singular targets are solved too. A foot on the first joint's axis leaves the first angle free: 0 is returned. The
+    third angle of a stretched or folded leg is known to 1e-8 rad only, but the foot is where it should be. A foot in
+    the second joint of equally long links leaves the second angle free. A leg without a known closed form is solved
+    numerically (``hexakin.kinematics.numerical``): a foot is reached if it is missed by less than 1e-9 of the leg's
+    length.
+
+    Raises UnreachableError for the first foot out of reach with ``on_unreachable="raise"``; it names leg, distance and
+    reach. Raises InvalidInputError if ``robot`` is not a robot, for a wrong shape, for a number that is not finite and
+    for ``near`` together with ``branch="all"``; UnknownNameError for an unknown ``branch`` or ``on_unreachable``.
     """
     check_robot(robot)
-    closed = _is_closed(robot)
-    # A foot with a coordinate that is not finite is not reached, and its distance is not finite either: the feet are
-    # looked through only then.
-    checked = not (fits(robot, p_body_foot) and near is None and closed)
-    foot = _feet(robot, p_body_foot) if checked else cast(Array, p_body_foot)
+    # The closed form checks an array itself. With ``near`` an error in the feet is to be named first, so it is checked
+    # here too.
+    checks = _is_closed(robot) and near is None
+    foot = p_body_foot if checks and fits(p_body_foot, robot) else _feet(robot, p_body_foot)
     if not isinstance(branch, str) or branch not in ("standing", "all"):
         raise UnknownNameError("branch", branch, ["standing", "all"])
     if on_unreachable not in ("mark", "raise"):
         raise UnknownNameError("on_unreachable", on_unreachable, ["mark", "raise"])
     if near is not None and branch == "all":
         raise InvalidInputError('near: choose either the branch nearest to it or branch="all", not both')
-    if near is not None:
-        hint = check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
-        try:
-            if hint.shape != foot.shape:
-                foot, hint = np.broadcast_arrays(foot, hint)
-        except ValueError as error:
-            raise InvalidInputError(f"near: shape {hint.shape} does not go with feet of shape {foot.shape}") from error
-        solution = nearest(robot, foot, hint)
-    elif branch == "all":
-        solution = every_branch(robot, foot)
-    elif not closed:
-        first = np.zeros(foot.shape[:-1], dtype=int)
-        solution = picked(every_branch(robot, foot), first, first)
+    hint = None if near is None else check_array("near", near, (robot.num_legs, 3), ("leg", "joint"))
+    try:
+        solution = _solved(robot, foot, branch, hint)
+    except OutOfRangeError:
+        pass  # the feet are checked below: an error raised here would be shown together with this one
     else:
-        solution = on_standing_branch(robot, foot)
-    reached = np.count_nonzero(solution.reachable) == solution.reachable.size
-    if not checked and not reached and not np.isfinite(solution.distance.sum()):
-        _feet(robot, foot)
-    if on_unreachable == "raise":
-        _raise_if_unreachable(solution, many=branch == "all")
-    return solution
+        if on_unreachable == "raise":
+            _raise_if_unreachable(solution, many=branch == "all")
+        return solution
+    _feet(robot, foot)
+    raise AssertionError("a finite foot is out of range")
+
+
+def _solved(robot: Robot, foot: Array, branch: str, near: Array | None) -> InverseSolution:
+    """Solve for feet (..., L, 3) [m]; raise OutOfRangeError if one is not finite and the leg has a closed form."""
+    if near is not None:
+        try:
+            if near.shape != foot.shape:
+                foot, near = np.broadcast_arrays(foot, near)
+        except ValueError as error:
+            raise InvalidInputError(f"near: shape {near.shape} does not go with feet of shape {foot.shape}") from error
+        return nearest(robot, foot, near)
+    if branch == "all":
+        return every_branch(robot, foot)
+    if _is_closed(robot):
+        return on_standing_branch(robot, foot)
+    first = np.zeros(foot.shape[:-1], dtype=int)
+    return picked(every_branch(robot, foot), first, first)
 
 
 @lru_cache(maxsize=64)
@@ -96,13 +114,15 @@ def _feet(robot: Robot, p_body_foot: ArrayLike) -> Array:
 
 
 def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
-    """Joint angles along a path of the feet, each leg on one branch throughout.
+    """Return the joint angles of ``robot`` along a path of its feet, each leg on one branch throughout.
 
-    ``p_body_foot`` (n, L, 3) [m], in order of time. Branches meet only in singular poses, so that a leg that
-    stays on one moves continuously. Of the branches that reach the whole path, those within the limits
-    throughout come first, and of these the one nearest to ``near`` (L, 3) [rad] at the start. Without ``near``
-    the standing pose's branch is taken if it serves. Where none reaches, the branch that reaches
-    furthest is returned, with its flags. Raises InvalidInputError for a wrong shape or a value that is not finite.
+    ``p_body_foot`` (n, L, 3) [m] are n positions in the body frame, in order of time. A leg that stays on one branch
+    moves continuously, because branches meet in singular poses only. Each leg's branch is the one that reaches most
+    of the path; among equal ones it is one that is within the limits throughout, and then the one nearest to ``near``
+    (L, 3) [rad] at the start. Without ``near`` the standing pose is used; its branch is taken for all legs if it is
+    within the limits throughout. Where no branch reaches the whole path, the flags of the result say so. For a leg
+    without a closed form it is at each position the solution nearest to the one before. Raises InvalidInputError for a
+    wrong shape or a number that is not finite.
     """
     feet = _feet(robot, p_body_foot)
     if feet.ndim != 3 or len(feet) == 0:
@@ -127,9 +147,11 @@ def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLik
 def posed_inverse_kinematics(
     robot: Robot, T_world_body: ArrayLike, p_world_foot: ArrayLike, **options: Any
 ) -> InverseSolution:
-    """Inverse kinematics for a body pose and feet in the world, all six degrees of freedom (B(12)).
+    """Return the joint angles of ``robot`` for poses of the body and feet in the world (B(12)).
 
-    ``T_world_body`` (..., 4, 4), ``p_world_foot`` (..., L, 3) [m]; options and errors as for ``inverse_kinematics``.
+    ``T_world_body`` (..., 4, 4) is the body's pose in the world [m], and ``p_world_foot`` (..., L, 3) [m] are the feet;
+    they are broadcast against each other. ``options`` and errors are those of ``inverse_kinematics``. Raises
+    InvalidInputError too if the shapes do not go together.
     """
     T = check_array("T_world_body", T_world_body, (4, 4))
     feet = check_array("p_world_foot", p_world_foot, (robot.num_legs, 3), ("leg", "coordinate"))
@@ -143,7 +165,7 @@ def posed_inverse_kinematics(
 def raise_if_impossible(robot: Robot, solution: InverseSolution, time: Array) -> None:
     """Raise UnreachableError for the first instant out of reach, else JointLimitError for the first out of the limits.
 
-    ``solution`` is of n instants (n, L, 3), at ``time`` (n,) [s].
+    ``solution`` is the inverse kinematics of ``robot`` at n instants (n, L, 3), at ``time`` (n,) [s].
     """
     if not solution.reachable.all():
         at, leg = (int(i) for i in np.argwhere(~solution.reachable)[0])

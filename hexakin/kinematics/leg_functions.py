@@ -1,4 +1,4 @@
-"""The numeric functions of a leg type, prepared or derived when first used, and what follows from them alone."""
+"""The numeric functions of a leg type, shipped or derived when first used, and a leg's reach."""
 
 from __future__ import annotations
 
@@ -15,16 +15,26 @@ from hexakin.checks import Array
 from hexakin.exceptions import MissingPackageError, NoClosedFormError
 from hexakin.generated import MODULES
 from hexakin.kinematics.code_cache import code_files, derived, executed, loaded
+from hexakin.numerics.trigonometry import LARGEST
 from hexakin.robot.leg_table import LegTable
 from hexakin.robot.model import Robot
 
 
+def within_half_turn(angles: Array) -> Array:
+    """Return ``angles`` (...) [rad], finite and of any size, plus whole turns, so that they lie in [-pi, pi].
+
+    Angles beyond ``hexakin.numerics.trigonometry.LARGEST`` are too large for its polynomials. The C library's sine and
+    cosine, which are used here, take angles of any size.
+    """
+    return np.arctan2(np.sin(angles), np.cos(angles))
+
+
 @dataclass(frozen=True)
 class LegFunctions:
-    """Kinematics of a leg type, for parameters ``p`` (..., n) that broadcast against angles and feet (..., 3).
+    """Kinematics of a leg type, the legs' parameters being arguments.
 
-    ``numeric`` and ``loops`` are the modules of the generated code, see ``hexakin.symbolic.generate``; ``loops_at`` is
-    the name or the file of the latter, None if there is none.
+    ``table`` is the leg type's table, and ``numeric`` the module of its generated code (``hexakin.symbolic.generate``).
+    ``loops_at`` is the name or the file of the module of its compiled loops, None if there is none.
     """
 
     table: LegTable
@@ -32,11 +42,19 @@ class LegFunctions:
     loops_at: str | Path | None
 
     def forward(self, p: Array, q: Array) -> Array:
-        """Foot positions (..., 3) [m] for angles ``q`` (..., 3) [rad]; NaN where an angle is not finite."""
+        """Return the foot positions (..., 3) [m]; NaN where an angle is not finite.
+
+        ``p`` (..., n) [m, rad] are the legs' parameters, ``q`` (..., 3) [rad] the angles. They are broadcast against
+        each other.
+        """
         return self._of_angles("forward", p, q, (3,))
 
     def jacobian(self, p: Array, q: Array) -> Array:
-        """Derivative (..., 3, 3) [m/rad] of the foot position by the angles."""
+        """Return the derivatives (..., 3, 3) [m/rad] of the foot positions by the angles; NaN where one is not finite.
+
+        ``p`` (..., n) [m, rad] are the legs' parameters, ``q`` (..., 3) [rad] the angles. They are broadcast against
+        each other.
+        """
         return self._of_angles("jacobian", p, q, (3, 3))
 
     def _of_angles(self, name: str, p: Array, q: Array, entries: tuple[int, ...]) -> Array:
@@ -44,16 +62,13 @@ class LegFunctions:
         shape = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
         many = shape or (1,)  # the rows of a result are arrays
         angles = np.moveaxis(np.broadcast_to(q, (*many, 3)), -1, 0)
+        finite = np.isfinite(angles).all(axis=0)
+        if not finite.all() or np.abs(angles).max(initial=0.0) > LARGEST:
+            angles = within_half_turn(np.where(finite, angles, 0.0))
         work = np.empty((getattr(self.numeric, f"{name.upper()}_ROWS"), *many))
         result = np.empty((math.prod(entries), *many))
-        arrays = getattr(self.numeric, f"{name}_arrays")
-        try:
-            arrays(constants, angles, work, result)
-        except ValueError:  # too large, or not finite
-            finite = np.isfinite(angles).all(axis=0)
-            angles = np.where(finite, angles, 0.0)
-            arrays(constants, np.arctan2(np.sin(angles), np.cos(angles)), work, result)
-            result[:, ~finite] = np.nan
+        getattr(self.numeric, f"{name}_arrays")(constants, angles, work, result)
+        result[:, ~finite] = np.nan
         return np.moveaxis(result, 0, -1).reshape(*shape, *entries)
 
     @property
@@ -68,9 +83,9 @@ class LegFunctions:
 
     @cached_property
     def loops(self) -> ModuleType | None:
-        """The compiled loops, None without numba or a place for its machine code; loading them takes about a second.
+        """The module of the compiled loops; None without numba, or without a place for machine code.
 
-        It takes some ten when they are compiled, once for an installation.
+        To load them takes about a second, and to compile them about ten, once for an installation.
         """
         if self.loops_at is None:
             return None
@@ -88,7 +103,7 @@ class LegFunctions:
 
 @lru_cache(maxsize=64)
 def leg_functions(table: LegTable) -> LegFunctions:
-    """Return the functions of a leg type: prepared ones if there are, else from the user's cache, else derived now."""
+    """Return the functions of the leg type of ``table``: shipped, or from the user's cache, or derived now."""
     if table.type_key in MODULES:
         numeric, loops = MODULES[table.type_key]
         return LegFunctions(table, importlib.import_module(numeric), loops)
@@ -101,15 +116,15 @@ def leg_functions(table: LegTable) -> LegFunctions:
 
 
 def closed_form(table: LegTable) -> bool:
-    """Whether the inverse of a leg type is known in closed form."""
+    """Return whether the inverse of the leg type of ``table`` is known in closed form."""
     return leg_functions(table).closed_form
 
 
 def reach(robot: Robot, *, limited: bool = False) -> Array:
-    """Least and largest distance (L, 2) [m] of each foot from its leg's second joint.
+    """Return the least and largest distance (L, 2) [m] of each foot of ``robot`` from its leg's second joint.
 
-    With ``limited`` within the joint limits. It depends on the third angle alone, and its square on that angle's
-    sine and cosine: three values fix it.
+    With ``limited`` only angles within the joint limits count. The square of the distance is a sum of a constant and
+    multiples of the third angle's sine and cosine, so that its values at three angles are enough.
     """
     q = np.zeros((3, robot.num_legs, 3))
     q[..., 2] = np.array([[0.0], [0.5], [1.0]]) * np.pi

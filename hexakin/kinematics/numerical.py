@@ -18,7 +18,7 @@ from hexakin.robot.model import Robot
 from hexakin.transforms import wrapped
 
 NUM_SOLUTIONS = 4
-"""Most solutions that a leg of three joints has."""
+"""Largest number of solutions of a leg of three joints."""
 
 _GRID = 24  # samples of a turn
 _STARTS = 12  # with 8, one solution in a thousand is missed, near singular poses; with 12 none in 18000 was
@@ -41,7 +41,10 @@ class Solutions(NamedTuple):
 
 
 def solve_numerically(robot: Robot, foot: Array) -> Solutions:
-    """Solve for feet at ``foot`` (..., L, 3) [m] in the body frame; of any leg type, also with a closed form."""
+    """Return the solutions of ``robot`` for feet ``foot`` (..., L, 3) [m] in the body frame, all finite.
+
+    It takes every leg type, also one with a closed form.
+    """
     fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])
     grid = _grid(robot, fixed[:, 0])
     flat = foot.reshape(-1, robot.num_legs, 3)

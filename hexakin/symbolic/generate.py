@@ -1,12 +1,13 @@
-"""Numeric code of a leg type, written from its symbolic kinematics for three machines.
+"""Numeric code of a leg type, written from its symbolic kinematics in three forms.
 
 One program of assignments (``hexakin.symbolic.program``) is printed three times:
 
-- *scalar*: Python's floats, leg by leg, for one pose;
-- *arrays*: NumPy, for blocks that fit the cache;
+- *scalar*: with Python's floats, leg by leg, for a few poses;
+- *arrays*: with NumPy, for blocks that fit the cache;
 - *loops*: compiled by numba, for large batches.
 
-``python -m hexakin.symbolic`` writes the code of the shipped leg types into ``hexakin.generated``.
+The functions of the code are described in ``generate``; ``hexakin.kinematics.evaluation`` calls them. ``python -m
+hexakin.symbolic`` writes the code of the shipped leg types into ``hexakin.generated``.
 """
 
 from __future__ import annotations
@@ -71,8 +72,12 @@ def _assignments(statements: Iterable[Statement], printer: _Printer) -> list[str
     return [f"{name} = {printer.doprint(value)}" for name, value in statements]
 
 
+def _tuple(names: Iterable[object]) -> str:
+    return f"({''.join(f'{name}, ' for name in names)})"
+
+
 def _unpacked(names: Iterable[object], source: str) -> str:
-    return f"({''.join(f'{name}, ' for name in names)}) = {source}"
+    return f"{_tuple(names)} = {source}"
 
 
 def _function(head: str, summary: str, lines: Iterable[str], decorator: str = "") -> str:
@@ -86,6 +91,15 @@ def _constants(program: Program, name: str, parameters: Sequence[sp.Symbol], ext
     return _function(f"{name}_constants(p{extra})", "Constants of legs with parameters ``p`` (n, ...).", lines)
 
 
+def _leg_by_leg(numbers: str, head: str, body: Iterable[str]) -> list[str]:
+    """Lines of a loop over poses around one over legs, which takes three of ``numbers`` for each leg.
+
+    The inner loop ends with the constants, so that ``each`` goes on with the next pose.
+    """
+    poses = [f"each = iter({numbers})", f"for _ in range(len({numbers}) // (3 * len(constants))):"]
+    return [*poses, "    " + head, *("        " + line for line in body)]
+
+
 _PAIRS = ["s0", "s1", "s2", "k0", "k1", "k2"]
 _SINCOS_ROWS = 2 * len(_PAIRS)  # of the workspace, half of which end with sines and cosines
 
@@ -97,12 +111,11 @@ def _names(letter: str, count: int) -> str:
 def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: Sequence[sp.Symbol]) -> str:
     """Scalar and array code of a function of the joint angles."""
     names = program.constants.values()
-    unpacked = ", ".join(f"{c}" for c in names) + ("," if len(program.constants) == 1 else "")
     inner = ["s0, k0, s1, k1, s2, k2 = sin(q0), cos(q0), sin(q1), cos(q1), sin(q2), cos(q2)"]
     inner += _assignments(program.body, _SCALAR)
     inner.append(f"result += ({', '.join(map(_SCALAR.doprint, results))})")
-    scalar = ["result = []", f"for ({unpacked}), (q0, q1, q2) in zip(constants, angles):"]
-    scalar += ["    " + line for line in inner]
+    head = f"for {_tuple(names)}, q0, q1, q2 in zip(constants, each, each, each):"
+    scalar = ["result = []", *_leg_by_leg("angles", head, inner)]
     entries = [f"result[{i}]" for i in range(len(results))]
     code = array_code(program.body, results, used_up=_PAIRS, spare=_SINCOS_ROWS - len(_PAIRS), into=entries)
     rows = len(_PAIRS) + code.rows
@@ -114,7 +127,11 @@ def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: 
     ]
     return (
         _constants(program, name, parameters)
-        + _function(f"{name}_scalar(constants, angles)", "All entries, leg by leg.", [*scalar, "return result"])
+        + _function(
+            f"{name}_scalar(constants, angles)",
+            "Return all entries for ``angles`` (3 n,), pose by pose and leg by leg.",
+            [*scalar, "return result"],
+        )
         + _function(
             f"{name}_arrays(constants, angles, work, result)",
             f"Write each entry for angles (3, ...) to ``result`` ({len(results)}, ...); ``work`` has (rows, ...).",
@@ -125,7 +142,10 @@ def _of_angles(name: str, program: Program, results: list[sp.Expr], parameters: 
 
 
 _WRAPPED = "q{0} + TURN * {round}((middle{0} - q{0}) * PER_TURN)"
-_BOUNDS = ["tolerance", *(f"{name}{k}" for name in ("middle", "low", "high") for k in range(3))]
+_ANGLE_BOUNDS = ("middle", "low", "high")  # the fields of hexakin.kinematics.bounds.Bounds with a row for each angle
+_BOUND_ROWS = {"tolerance": "bounds.tolerance"} | {
+    f"{name}{k}": f"bounds.{name}[{k}]" for name in _ANGLE_BOUNDS for k in range(3)
+}
 _INVERSE_SCALAR = """\
 if clearance >= -tolerance and outer >= -tolerance and inner >= -tolerance:
     {wrapped}
@@ -146,9 +166,10 @@ def _of_feet(program: Program, results: list[sp.Expr], leg: LegKinematics) -> st
     solved = f"{_INVERSE_RESULTS} = " + ", ".join(map(_SCALAR.doprint, results))
     wrapped = "; ".join(f"q{k} = " + _WRAPPED.format(k, round="round") for k in range(3))
     inner = [*_assignments(program.body, _SCALAR), solved, *_INVERSE_SCALAR.format(wrapped=wrapped).split("\n")]
-    scalar = ["angles, reachable, within, distance = [], [], [], []"]
-    scalar.append(f"for ({', '.join(map(str, [*names, *_BOUNDS]))}), (x, y, z) in zip(constants, feet):")
-    scalar += ["    " + line for line in inner]
+    limits = ", ".join(_tuple(f"{name}{k}" for k in range(3)) for name in _ANGLE_BOUNDS)
+    fields = ", ".join(f"bounds.{name}" for name in ("tolerance", *_ANGLE_BOUNDS))
+    head = f"for {_tuple(names)}, tolerance, {limits}, x, y, z in zip(constants, {fields}, each, each, each):"
+    scalar = ["angles, reachable, within, distance = [], [], [], []", *_leg_by_leg("feet", head, inner)]
     code = array_code(program.body, results)
     arrays = [_unpacked(names, "constants"), "x, y, z = feet", f"({_names('w', code.rows)}) = work[:{code.rows}]"]
     arrays += [*code.lines, f"return {', '.join(code.values)}"]
@@ -157,8 +178,8 @@ def _of_feet(program: Program, results: list[sp.Expr], leg: LegKinematics) -> st
         _constants(program, "inverse", leg.parameters, ", side, knee")
         + _function("reach(p)", "Inner and outer reach.", reach)
         + _function(
-            "inverse_scalar(constants, feet)",
-            "Angles, whether reachable and within the limits, and distance, leg by leg.",
+            "inverse_scalar(constants, bounds, feet)",
+            "Return angles, whether reachable and within the limits, and distance for ``feet`` (3 n,).",
             [*scalar, "return angles, reachable, within, distance"],
         )
         + _function(
@@ -171,6 +192,7 @@ def _of_feet(program: Program, results: list[sp.Expr], leg: LegKinematics) -> st
 
 
 def _angle_loops(name: str, program: Program, results: list[sp.Expr]) -> str:
+    """Compiled loops of a function of the joint angles."""
     width = len(results)
     names = program.constants.values()
     lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
@@ -179,23 +201,29 @@ def _angle_loops(name: str, program: Program, results: list[sp.Expr]) -> str:
     lines += [f"result[{width} * m + {i}] = {_LOOPS.doprint(value)}" for i, value in enumerate(results)]
     block = ["for m in range(sines.shape[0] // 3):", *("    " + line for line in lines)]
     drive = f"""\
-tile, worst = constants.shape[1], 0
+tile, lost = constants.shape[1], 0
 sines, cosines = numpy.empty(3 * tile), numpy.empty(3 * tile)
 for start in range(0, angles.shape[0] // 3, tile):
     part = angles[3 * start : 3 * (start + tile)]
     s, k = sines[: part.shape[0]], cosines[: part.shape[0]]
-    worst = max(worst, sincos(part, s, k))
+    lost = max(lost, sincos(part, s, k))
     _{name}(constants, s, k, result[{width} * start : {width} * (start + tile)])
-return worst"""
-    arguments = "(constants, sines, cosines, result)"
-    return _function(f"_{name}{arguments}", "One block.", block, "@contracted\n") + _function(
-        f"{name}(constants, angles, result)", "All blocks.", drive.split("\n"), '@kernel("2r", "1r", "1")\n'
+return lost"""
+    return _function(
+        f"_{name}(constants, sines, cosines, result)", "Evaluate one tile.", block, "@contracted\n"
+    ) + _function(
+        f"{name}(constants, angles, result)",
+        "Evaluate all leg poses; return 1 if an angle is too large or not finite, else 0.",
+        drive.split("\n"),
+        '@kernel("2r", "1r", "1")\n',
     )
 
 
 def _foot_loops(program: Program, results: list[sp.Expr]) -> str:
-    names = [*program.constants.values(), *_BOUNDS]
-    lines = [f"{c} = constants[{i}, m]" for i, c in enumerate(names)]
+    """Compiled loops of the inverse."""
+    # One table of constants and bounds, read from the first row to the last. In which order numbers are loaded decides
+    # which products and sums LLVM fuses, and so the last bits of the results.
+    lines = [f"{name} = rows[{i}, m]" for i, name in enumerate([*program.constants.values(), *_BOUND_ROWS])]
     lines += [f"{axis} = feet[3 * m + {k}]" for k, axis in enumerate("xyz")] + _assignments(program.body, _LOOPS)
     lines += [f"{_INVERSE_RESULTS} = {', '.join(map(_LOOPS.doprint, results))}"]
     lines += [f"q{k} = " + _WRAPPED.format(k, round="rounded") for k in range(3)]
@@ -203,17 +231,33 @@ def _foot_loops(program: Program, results: list[sp.Expr]) -> str:
     inside = " & ".join(f"(low{k} <= q{k}) & (q{k} <= high{k})" for k in range(3))
     lines += ["reachable[m] = there", f"within[m] = there & {inside}", "distance[m] = sqrt(square)"]
     lines += [f"angles[3 * m + {k}] = q{k} if there else nan" for k in range(3)]
-    block = ["for m in range(feet.shape[0] // 3):", *("    " + line for line in lines)]
+    # In this loop, because a loop of its own would wait for the memory: a tenth of the time of a large batch.
+    lines += ["lost += not ((abs(x) < inf) & (abs(y) < inf) & (abs(z) < inf))"]
+    block = ["lost = 0", "for m in range(feet.shape[0] // 3):", *("    " + line for line in lines), "return lost"]
     drive = """\
-tile = constants.shape[2]
+tile, lost = rows.shape[2], 0
 for start in range(0, feet.shape[0] // 3, tile):
     stop = start + tile
-    for b in range(constants.shape[0]):
-        _inverse(constants[b], feet[3 * start : 3 * stop], angles[b, 3 * start : 3 * stop],
-                 reachable[b, start:stop], within[b, start:stop], distance[b, start:stop])"""
-    arguments = "(constants, feet, angles, reachable, within, distance)"
-    return _function(f"_inverse{arguments}", "One block.", block, "@contracted\n") + _function(
-        f"inverse{arguments}", "All blocks.", drive.split("\n"), '@kernel("3r", "1r", "2", "2b", "2b", "2")\n'
+    for b in range(rows.shape[0]):
+        lost += _inverse(rows[b], feet[3 * start : 3 * stop], angles[b, 3 * start : 3 * stop],
+                         reachable[b, start:stop], within[b, start:stop], distance[b, start:stop])
+return lost"""
+    arguments = "(rows, feet, angles, reachable, within, distance)"
+    return (
+        _function(
+            "inverse_rows(constants, bounds)",
+            "Return the rows (..., L) of one branch that ``inverse`` reads.",
+            [f"return numpy.array([*constants, {', '.join(_BOUND_ROWS.values())}])"],
+        )
+        + _function(
+            f"_inverse{arguments}", "Solve one tile; return how many feet are not finite.", block, "@contracted\n"
+        )
+        + _function(
+            f"inverse{arguments}",
+            "Solve for all leg poses; return 0 if all feet are finite.",
+            drive.split("\n"),
+            '@kernel("3r", "1r", "2", "2b", "2b", "2")\n',
+        )
     )
 
 
@@ -223,23 +267,49 @@ Generated by ``python -m hexakin.symbolic``; not to be edited.
 """
 # ruff: noqa
 
-from math import atan2, cos, nan, sin, sqrt
+from math import atan2, cos, inf, nan, sin, sqrt
 '''
 
 
 @dataclass(frozen=True)
 class Sources:
-    """Text of the two modules of a leg type: ``numeric`` needs NumPy alone, ``loops`` numba."""
+    """Text of the two modules of a leg type: ``numeric`` needs NumPy, ``loops`` needs numba too."""
 
     numeric: str
     loops: str
 
 
 def generate(table: LegTable) -> Sources:
-    """Write the numeric code of a leg type.
+    """Write the numeric code of the leg type of ``table``.
 
-    ``numeric`` has ``CLOSED_FORM`` and, for forward, jacobian and (if there is a closed form) inverse, functions ending
-    in ``_constants``, ``_scalar`` and ``_arrays``; ``loops`` has a kernel for each.
+    Parameters, constants and results are in metres and radians. L is the number of legs, n a number of leg poses; the
+    legs of a pose follow each other. ``numeric`` has the flag ``CLOSED_FORM`` and these functions, where ``forward``
+    stands for ``jacobian`` too, with nine entries instead of three:
+
+    - ``forward_constants(p)``: list of constants of legs with parameters ``p`` (number of parameters, ...);
+    - ``forward_scalar(constants, angles)``: list (3 n,) of foot coordinates for ``angles`` (3 n,), a list of finite
+      floats; ``constants`` is a list of L rows;
+    - ``forward_arrays(constants, angles, work, result)``: writes ``result`` (3, n) for ``angles`` (3, n), with
+      ``constants`` (number of constants, n) and ``work`` (``FORWARD_ROWS``, n). Raises ValueError as
+      ``hexakin.numerics.trigonometry.sincos`` does.
+
+    With a closed form there are also:
+
+    - ``reach(p)``: inner and outer reach;
+    - ``inverse_constants(p, side, knee)``: as above, for the branch with these signs;
+    - ``inverse_scalar(constants, bounds, feet)``: lists of angles (3 n,), two flags and distance (n,) for ``feet``
+      (3 n,); ``constants`` and the fields of ``bounds`` (``hexakin.kinematics.bounds.Bounds``) are lists of L rows;
+    - ``inverse_arrays(constants, feet, work)``: rows of ``work`` (``INVERSE_ROWS``, n) with angles, clearance, outer,
+      inner and square (``hexakin.symbolic.leg.InverseExpressions``) for ``feet`` (3, n). No bound is used.
+
+    ``loops`` has a kernel for each. Legs are repeated to tiles of m leg poses there. All numbers of a leg pose follow
+    each other in flat arrays, and what is returned is not 0 if an argument was out of range:
+
+    - ``forward(constants, angles, result)``, with ``constants`` (number of constants, m);
+    - ``inverse_rows(constants, bounds)``: rows (..., L) of one branch, of ``constants`` (number of constants, L) and
+      bounds whose fields are arrays;
+    - ``inverse(rows, feet, angles, reachable, within, distance)``, with ``rows`` (b, ..., m) and results (b, ...) of b
+      branches.
     """
     leg = derive(table.canonical())
     forward, jacobian = ((p, [*r]) for p, r in (program_of_angles(leg, m) for m in ([*leg.foot], [*leg.jacobian])))
