@@ -21,6 +21,8 @@ PUBLIC = {
     "inverse_kinematics": "hexakin.kinematics.inverse:inverse_kinematics",
     "jacobian": "hexakin.kinematics.forward:jacobian",
     "Command": "hexakin.control.interface:Command",
+    "ControlRun": "hexakin.control.interface:ControlRun",
+    "Controller": "hexakin.control.interface:Controller",
     "Observation": "hexakin.control.interface:Observation",
     "PostureController": "hexakin.control.posture:PostureController",
     "simulate": "hexakin.simulation.closed_loop:simulate",

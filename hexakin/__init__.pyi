@@ -8,6 +8,8 @@ from hexakin.kinematics.forward import forward_kinematics as forward_kinematics
 from hexakin.kinematics.inverse import inverse_kinematics as inverse_kinematics
 from hexakin.kinematics.forward import jacobian as jacobian
 from hexakin.control.interface import Command as Command
+from hexakin.control.interface import ControlRun as ControlRun
+from hexakin.control.interface import Controller as Controller
 from hexakin.control.interface import Observation as Observation
 from hexakin.control.posture import PostureController as PostureController
 from hexakin.simulation.closed_loop import simulate as simulate
@@ -53,6 +55,8 @@ __all__ = [
     "inverse_kinematics",
     "jacobian",
     "Command",
+    "ControlRun",
+    "Controller",
     "Observation",
     "PostureController",
     "simulate",

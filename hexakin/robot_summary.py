@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -176,4 +177,5 @@ def _tripod_remarks(robot: Robot) -> Iterator[str]:
             return
 
 
-__getattr__ = renamed(__name__, {"summary": ("summarise", summarise)})
+if not TYPE_CHECKING:  # type checkers know the new names only
+    __getattr__ = renamed(__name__, {"summary": ("summarise", summarise)})

@@ -13,7 +13,7 @@ import time
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 REQUIRED = os.environ.get("HEXAKIN_BROWSER") == "required"
-"""Whether a test may not be skipped for want of a browser."""
+"""Whether a test fails, instead of being skipped, if there is no browser."""
 OPTIONS = (
     "--headless=new",
     "--no-sandbox",  # a container's root has none; the pages are our own

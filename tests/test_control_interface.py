@@ -156,10 +156,19 @@ def test_a_torque_beyond_the_servos_limit_is_cut_to_it(athena, engine):
         ({"stance": np.ones(6)}, "stance: expected 6 booleans, got float64"),
         ({"stance": np.ones(4, dtype=bool)}, "stance: expected 6 booleans"),
         ({"phase": 0.5}, "phase: 0.5, expected a whole number"),
+        ({"phase": -1}, "phase: -1, expected a whole number of at least 0"),
+        ({"phase": 2**40}, "phase: 1099511627776, expected at most"),
+        ({"extending": "no"}, "extending: 'no', expected True or False"),
         ({"kp": np.full((6, 3), -1.0)}, "kp: -1, expected at least 0"),
         ({"torque": np.zeros(18)}, "torque: expected shape"),
         ({"diagnostics": {"speed": "fast"}}, "diagnostics: speed: expected a number, got 'fast'"),
+        ({"diagnostics": {"speed": 1j}}, "diagnostics: speed: expected a number, got 1j"),
+        ({"diagnostics": {"speed": 10**400}}, "diagnostics: speed: 1000000000"),
         ({"diagnostics": {3: 1.0}}, "diagnostics: 3 as a name"),
+        ({"diagnostics": {"a/b": 1.0}}, "diagnostics: 'a/b' as a name"),
+        ({"diagnostics": {"height": 1.0}}, "diagnostics: 'height': a recording has a member of that name"),
+        ({"diagnostics": {"save": 1.0}}, "diagnostics: 'save': a recording has a member of that name"),
+        ({"diagnostics": 1.0}, "diagnostics: 1.0, expected a mapping"),
     ],
 )
 def test_a_command_that_cannot_be_used_names_the_controller_and_the_field(athena, change, message):
@@ -181,8 +190,54 @@ def test_what_is_no_command_and_diagnostics_that_come_and_go_are_named(athena):
         hk.simulate(athena, hk.terrain.Plane(), wrong, **options)
     stance = np.ones(6, dtype=bool)
     wrong.command = lambda o: hk.Command(athena.standing_q, stance, 0, diagnostics={"a": 1.0} if o.time else {})
-    with pytest.raises(InvalidInputError, match=r"at t = 0.05 s: diagnostics: a missing at some ticks"):
+    with pytest.raises(InvalidInputError, match=r"at t = 0.05 s: diagnostics: a not at every tick"):
         hk.simulate(athena, hk.terrain.Plane(), wrong, **options)
+
+
+def test_a_command_is_copied_and_an_observation_may_be_written_into(athena):
+    """A controller that reuses its arrays, and writes into those that it is given, changes no recording."""
+    reused, plain = Standing(athena), Standing(athena)
+    q, stance = athena.standing_q.copy(), np.ones(6, dtype=bool)
+
+    def command(observation):
+        observation.q[:], observation.foot_force[:], observation.body_angular_velocity[:] = 0.0, 0.0, 0.0
+        q[:] = athena.standing_q + 0.01 * observation.time
+        return hk.Command(q, stance, 0)
+
+    reused.command = command
+    plain.command = lambda o: hk.Command(athena.standing_q + 0.01 * o.time, np.ones(6, dtype=bool), 0)
+    options = {"engine": "rigid", **still(athena, duration=0.3, settling_time=0.1)}
+    one, other = (hk.simulate(athena, hk.terrain.Plane(), controller, **options) for controller in (reused, plain))
+    for name in ("q", "q_command", "stance", "foot_force", "joint_velocity"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"robot": None}, "expected one such as hexakin.PostureController"),
+        ({"start": None}, "Standing has no method 'start', see hexakin.Controller"),
+        ({"parameters": None}, "Standing has no method 'parameters'"),
+        ({"phases_per_cycle": 0}, "Standing: phases_per_cycle: 0, expected a whole number of at least 1"),
+        ({"parameters": lambda: {"gait": {1, 2}}}, r"Standing: parameters: \{1, 2\} cannot be written as JSON"),
+        ({"parameters": lambda: 3}, "Standing: "),
+    ],
+)
+@pytest.mark.parametrize("walk", ["simulate", "commanded_walk"])
+def test_a_controller_that_cannot_be_used_is_named_before_the_walk(athena, walk, change, message):
+    wrong, ground = Standing(athena), hk.terrain.Plane()
+    vars(wrong).update(change)
+    with pytest.raises(InvalidInputError, match=f"controller: {message}"):
+        if walk == "simulate":
+            hk.simulate(athena, ground, wrong, engine="rigid")
+        else:
+            commanded_walk(wrong, ground)
+    assert not wrong.seen
+
+
+def test_a_commanded_walk_ends_even_if_the_controller_does_not(athena):
+    with pytest.raises(InvalidInputError, match="Standing is in phase 0 after .* expected 1 gait cycles of"):
+        commanded_walk(Standing(athena), hk.terrain.Plane(), num_cycles=1, longest_cycle=2.0)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from numbers import Real
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError
+from hexakin.motion.recording import Recording
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
+
+_LARGEST_PHASE = 2**31 - 1
 
 
 class Observation(NamedTuple):
@@ -60,7 +65,8 @@ class Command(NamedTuple):
 
     With q alone, the robot's servos turn the joints to these angles. If torque, kp or kd is given, the servos are off
     and each joint applies the torque "torque + kp (q - angle) - kd rate" at every time step, limited to the max_torque
-    of the servo. Of the three, those that are None count as zero.
+    of the servo. Of the three, those that are None count as zero. The engine ``rigid`` does not stop a joint at its
+    limits, so a controller must keep them.
 
     Parameters
     ----------
@@ -69,14 +75,16 @@ class Command(NamedTuple):
     stance
         Whether each leg is in stance, (L,) bool.
     phase
-        Number of the current gait phase, counted from 0 at the start of the walk.
+        Number of the current gait phase, counted from 0 at the start of the walk. It ends a walk of n gait cycles when
+        it reaches n times the phases per cycle.
     extending
         Whether feet without contact are moving down to find the ground (A Fig. 6).
     limited
         Whether each leg's foot target was out of reach or beyond the joint limits and was clipped, (L,) bool; None if
         no target was.
     diagnostics
-        Numbers by name, which become columns of the recording. The names must be the same at every tick.
+        Numbers by name, which become columns of the recording. The names must be identifiers that ``Recording`` does
+        not use for its members, and the same at every tick.
     torque
         Torques (L, 3) [N m] that are added, or None.
     kp
@@ -97,10 +105,11 @@ class Command(NamedTuple):
 
 
 def check_command(command: object, num_legs: int) -> Command:
-    """Return ``command`` with all fields as arrays and numbers of the right types, for a robot of ``num_legs`` legs.
+    """Return ``command`` with own copies of its arrays, of the right shapes and kinds, for ``num_legs`` legs.
 
-    Raises InvalidInputError, which names the field, for a wrong shape, a value that is not finite, flags that are not
-    bool, a negative stiffness or damping, and diagnostics that are not numbers; also if ``command`` is not a Command.
+    Raises InvalidInputError, which names the field, for an object that is no Command, for a wrong shape, a value that
+    is not finite, flags that are not bool, a phase that is no whole number from 0, a negative gain, and for diagnostics
+    that are no numbers or whose names cannot be columns of a recording.
     """
     if not isinstance(command, Command):
         raise InvalidInputError(f"expected a hexakin.Command, got {command!r:.80}")
@@ -112,30 +121,86 @@ def check_command(command: object, num_legs: int) -> Command:
         if given[name] is not None and (given[name] < 0.0).any():
             raise InvalidInputError(f"{name}: {given[name].min():g}, expected at least 0")
     for name in ("stance", "limited"):
-        flags = np.zeros(num_legs, dtype=bool) if given[name] is None else np.asarray(given[name])
+        flags = np.zeros(num_legs, dtype=bool) if given[name] is None else np.array(given[name])
         if flags.shape != (num_legs,) or flags.dtype != bool:
             raise InvalidInputError(f"{name}: expected {num_legs} booleans, got {flags.dtype} of shape {flags.shape}")
         given[name] = flags
-    if isinstance(command.phase, (bool, np.bool_)) or not isinstance(command.phase, (int, np.integer)):
-        raise InvalidInputError(f"phase: {command.phase!r:.80}, expected a whole number")
+    if not isinstance(command.extending, (bool, np.bool_)):
+        raise InvalidInputError(f"extending: {command.extending!r:.80}, expected True or False")
+    given["extending"] = bool(command.extending)
+    given["phase"] = check_whole("phase", command.phase)
+    if given["phase"] > _LARGEST_PHASE:
+        raise InvalidInputError(f"phase: {command.phase}, expected at most {_LARGEST_PHASE}")
+    if not isinstance(command.diagnostics, Mapping):
+        raise InvalidInputError(f"diagnostics: {command.diagnostics!r:.80}, expected a mapping of names to numbers")
     given["diagnostics"] = {name: _number(name, value) for name, value in command.diagnostics.items()}
     return Command(**given)
+
+
+def check_answer(controller: Controller, command: object, time: float, first: Command | None = None) -> Command:
+    """Return the checked ``command`` that ``controller`` gave at ``time`` [s]; ``first`` is its first one.
+
+    Raises InvalidInputError that names the controller and the time, as ``check_command`` and for diagnostics that the
+    first command did not have, or had in addition.
+    """
+    try:
+        checked = check_command(command, controller.robot.num_legs)
+        if first is not None and checked.diagnostics.keys() != first.diagnostics.keys():
+            odd = sorted(checked.diagnostics.keys() ^ first.diagnostics.keys())
+            raise InvalidInputError(f"diagnostics: {', '.join(odd)} not at every tick")
+    except InvalidInputError as error:
+        raise InvalidInputError(f"command of {type(controller).__name__} at t = {time:g} s: {error}") from error
+    return checked
+
+
+def check_controller(controller: object) -> dict[str, Any]:
+    """Return the parameters of ``controller`` as a recording keeps them, with the name of its class as "name".
+
+    Raises InvalidInputError for an object without a robot, that lacks a member of ``Controller``, that has no gait
+    phases, or whose parameters cannot be written as JSON.
+    """
+    kind = type(controller).__name__
+    if not isinstance(getattr(controller, "robot", None), Robot):
+        raise InvalidInputError(
+            f"controller: expected one such as hexakin.PostureController(robot), got {controller!r:.80}"
+        )
+    for name in ("parameters", "start"):
+        if not callable(getattr(controller, name, None)):
+            raise InvalidInputError(f"controller: {kind} has no method {name!r}, see hexakin.Controller")
+    phases = getattr(controller, "phases_per_cycle", None)
+    try:
+        check_whole("phases_per_cycle", phases, at_least=1)
+        parameters = {**controller.parameters(), "name": kind}  # type: ignore[attr-defined]
+        json.dumps(parameters, default=_as_json)
+    except (InvalidInputError, TypeError, ValueError) as error:
+        raise InvalidInputError(f"controller: {kind}: {error}") from error
+    return parameters
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"parameters: {value!r:.80} cannot be written as JSON")
 
 
 def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     array = check_array(name, value, shape, ("leg", "joint"))
     if array.ndim != 2:
         raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
-    return array
+    return array.copy()
 
 
 def _number(name: object, value: Any) -> float:
-    if not isinstance(name, str):
-        raise InvalidInputError(f"diagnostics: {name!r:.80} as a name, expected a string")
+    if not isinstance(name, str) or not name.isidentifier():
+        raise InvalidInputError(f"diagnostics: {name!r:.80} as a name, expected a string such as 'battery_voltage'")
+    if hasattr(Recording, name) or name in Recording.__dataclass_fields__:
+        raise InvalidInputError(f"diagnostics: {name!r}: a recording has a member of that name")
+    if not isinstance(value, (bool, np.bool_, Real, np.number)) or isinstance(value, np.complexfloating):
+        raise InvalidInputError(f"diagnostics: {name}: expected a number, got {value!r:.80}")
     try:
         return float(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"diagnostics: {name}: expected a number, got {value!r:.80}") from error
+    except OverflowError as error:
+        raise InvalidInputError(f"diagnostics: {name}: {value!r:.20}... is too large") from error
 
 
 class ControlRun(Protocol):

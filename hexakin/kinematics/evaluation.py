@@ -246,8 +246,9 @@ class _Inverse:
             rows = workspace(self.functions.numeric.INVERSE_ROWS + 4, count)
             feet, work = rows[:3], rows[3:]
             np.copyto(feet, foot[part].T)
+            kept = bounds.first(count)
             for branch, every in enumerate(constants[..., :count]):
-                self._block(every, bounds.first(count), feet, work, result.at((branch, part)))
+                self._block(every, kept, feet, work, result.at((branch, part)))
 
     def _block(self, constants: Array, bounds: Bounds, feet: Array, work: Array, result: Solved) -> None:
         """Solve for ``feet`` (3, n) on one branch and write ``result`` (n, ...), with the rows of ``work`` (m, n)."""

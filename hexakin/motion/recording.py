@@ -193,9 +193,12 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
             if made not in (_FORMAT, *_OLDER):
                 raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
             stored = {name: archive[name] for name in archive.files if name not in ("format", "parameters")}
-            if made in _OLDER:
+            expected = (
+                [name for name in names if name != "joint_velocity"] + [*_FORMER_COLUMNS] if made in _OLDER else names
+            )
+            missing = [name for name in expected if name not in stored] + ["parameters"] * ("parameters" not in archive)
+            if not missing and made in _OLDER:
                 stored = _brought_up(stored)
-            missing = [name for name in names if name not in stored] + ["parameters"] * ("parameters" not in archive)
             if missing:
                 raise RecordingError(f"{path}: {', '.join(missing)} missing")
             parameters = json.loads(str(archive["parameters"]))

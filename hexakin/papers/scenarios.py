@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -274,4 +274,5 @@ def _changed(robot: Robot, servo_rate: float | None, foot_radius: float | None, 
     return robot
 
 
-__getattr__ = renamed(__name__, {"summary": ("five_columns", five_columns)})
+if not TYPE_CHECKING:  # type checkers know the new names only
+    __getattr__ = renamed(__name__, {"summary": ("five_columns", five_columns)})

@@ -19,7 +19,7 @@ import csv
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -297,4 +297,5 @@ def claim(statement: Statement) -> str:
     return f"{where}: {what} {said.get(s.kind, s.kind)}"
 
 
-__getattr__ = renamed(__name__, {"summary": ("verdict_table", verdict_table)})
+if not TYPE_CHECKING:  # type checkers know the new names only
+    __getattr__ = renamed(__name__, {"summary": ("verdict_table", verdict_table)})

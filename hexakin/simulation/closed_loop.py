@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.control.interface import Command, Controller, Observation, check_command
+from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller
 from hexakin.engines import Engine, Reading, TorqueLaw, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import versions
@@ -91,10 +91,7 @@ def simulate(
     """
     check_robot(robot)
     check_terrain(terrain)
-    if not isinstance(getattr(controller, "robot", None), Robot):
-        raise InvalidInputError(
-            f"controller: expected a controller such as hexakin.PostureController(robot), got {controller!r:.80}"
-        )
+    controller_parameters = check_controller(controller)
     if controller.robot is not robot and controller.robot.description() != robot.description():
         raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")
     check_whole("seed", seed)
@@ -129,7 +126,7 @@ def simulate(
     parameters = {
         "robot": robot.description(),
         "terrain": repr(terrain),
-        "controller": {"name": type(controller).__name__, **controller.parameters()},
+        "controller": controller_parameters,
         "phases_per_cycle": controller.phases_per_cycle,
         "engine": engine,
         **options,
@@ -211,8 +208,10 @@ def _walk(
             )
         force = reading.foot_force_last if last_force else reading.foot_force
         observation = _observation(tick / control_rate, reading, force, height)
-        run = run or controller.start(observation, control_rate)
-        command = _checked(controller, run.command(observation), observation.time, rows[0][1] if rows else None)
+        if run is None:
+            run = controller.start(observation, control_rate)
+        first = rows[0][1] if rows else None
+        command = check_answer(controller, run.command(observation), observation.time, first)
         if command.phase >= end_phase:
             break
         rows.append((reading, command, height))
@@ -221,27 +220,16 @@ def _walk(
 
 
 def _observation(time: float, reading: Reading, foot_force: Array, height: float) -> Observation:
+    """What a controller is given, in copies: it may write into them."""
     return Observation(
         time=time,
-        q=reading.q,
-        joint_velocity=reading.joint_velocity,
-        foot_force=foot_force,
+        q=reading.q.copy(),
+        joint_velocity=reading.joint_velocity.copy(),
+        foot_force=foot_force.copy(),
         height=height,
-        body_angular_velocity=reading.body_angular_velocity,
+        body_angular_velocity=reading.body_angular_velocity.copy(),
         up_in_body=reading.T_world_body[2, :3].copy(),  # the world's z axis in the body frame
     )
-
-
-def _checked(controller: Controller, command: object, time: float, first: Command | None) -> Command:
-    """Check the command of a tick; InvalidInputError names the controller if the command cannot be used."""
-    try:
-        checked = check_command(command, controller.robot.num_legs)
-        if first is not None and checked.diagnostics.keys() != first.diagnostics.keys():
-            odd = sorted(checked.diagnostics.keys() ^ first.diagnostics.keys())
-            raise InvalidInputError(f"diagnostics: {', '.join(odd)} missing at some ticks")
-    except InvalidInputError as error:
-        raise InvalidInputError(f"command of {type(controller).__name__} at t = {time:g} s: {error}") from error
-    return checked
 
 
 def _torque_law(command: Command) -> TorqueLaw | None:
@@ -255,6 +243,8 @@ def _torque_law(command: Command) -> TorqueLaw | None:
 def _recording(
     robot: Robot, rows: list[tuple[Reading, Command, float]], control_rate: float, parameters: dict[str, Any]
 ) -> Recording:
+    if not rows:
+        raise InvalidInputError("controller: the phase of its first command is beyond max_cycles")
     readings, commands, heights = zip(*rows, strict=True)
     q = np.array([r.q for r in readings])
     return Recording(

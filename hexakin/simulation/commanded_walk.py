@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hexakin.checks import Array, check_number, check_whole
-from hexakin.control.interface import Controller, Observation, check_command
+from hexakin.control.interface import Controller, Observation, check_answer, check_controller
+from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.clearance import foot_gaps, way_to_ground
 from hexakin.motion.motion import Motion
@@ -16,7 +17,12 @@ from hexakin.transforms import pose, transform_points
 
 
 def commanded_walk(
-    controller: Controller, terrain: Terrain, *, num_cycles: int = 4, control_rate: float = 20.0
+    controller: Controller,
+    terrain: Terrain,
+    *,
+    num_cycles: int = 4,
+    control_rate: float = 20.0,
+    longest_cycle: float = 120.0,
 ) -> Motion:
     """Motion of a robot whose joints follow a controller's commands exactly, with feet in stance that do not move.
 
@@ -25,11 +31,15 @@ def commanded_walk(
     swing may end above the ground or in it, because the motion results from the commands alone; ``simulate`` shows how
     the robot would walk there.
 
-    ``controller`` is the controller, ``terrain`` the ground, ``num_cycles`` the number of gait cycles, and
-    ``control_rate`` [Hz] the number of commands per second. Raises UnknownNameError for another kind of terrain and
-    InvalidInputError for a number out of its range or a command that cannot be used.
+    ``controller`` is the controller, ``terrain`` the ground, ``num_cycles`` the number of gait cycles, ``control_rate``
+    [Hz] the number of commands per second, and ``longest_cycle`` [s] the mean time of a gait cycle beyond which the
+    walk counts as endless. Torques and gains of a command are not used: ideal servos follow its angles. Raises
+    UnknownNameError for another kind of terrain and InvalidInputError for a number out of its range, a controller or a
+    command that cannot be used, and an endless walk.
     """
     check_terrain(terrain)
+    check_controller(controller)
+    check_number("longest_cycle", longest_cycle, above=0.0, unit="s")
     check_whole("num_cycles", num_cycles, at_least=1)
     check_number("control_rate", control_rate, above=0.0)
     robot, near = controller.robot, 2e-3
@@ -53,10 +63,16 @@ def commanded_walk(
             body_angular_velocity=_body_rate(T_before, T, control_rate),
             up_in_body=T[2, :3].copy(),
         )
-        run = run or controller.start(observation, control_rate)
-        command = check_command(run.command(observation), robot.num_legs)
+        if run is None:
+            run = controller.start(observation, control_rate)
+        command = check_answer(controller, run.command(observation), observation.time)
         if command.phase >= num_cycles * controller.phases_per_cycle:
             break
+        if tick > num_cycles * longest_cycle * control_rate:
+            raise InvalidInputError(
+                f"controller: {type(controller).__name__} is in phase {command.phase} after {tick / control_rate:g} s; "
+                f"expected {num_cycles} gait cycles of at most {longest_cycle:g} s (longest_cycle)"
+            )
         tick += 1
         q_before, T_before = q, T
         q, stance = command.q, command.stance
@@ -65,6 +81,8 @@ def commanded_walk(
         world = np.where(stance[:, None], world, transform_points(T, feet))
         loaded = stance | (foot_gaps(robot, terrain, world) < near)
         samples.append((tick / control_rate, T, feet, q, stance, command.limited))
+    if not samples:
+        raise InvalidInputError("controller: the phase of its first command is beyond num_cycles")
     time, poses, p_body_foot, angles, carrying, clipped = (np.array(values) for values in zip(*samples, strict=True))
     return Motion(time, poses, p_body_foot, angles, carrying, clipped, touch=near)
 

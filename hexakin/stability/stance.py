@@ -8,7 +8,7 @@ Every function documents where its margin is undefined. The margins come from pa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -293,4 +293,5 @@ def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
     return _exactly(name, np.full(count, value) if np.ndim(value) == 0 else value, (count,), (label,))
 
 
-__getattr__ = renamed(__name__, {"Stance": ("Contacts", Contacts), "stance_of": ("contacts_of", contacts_of)})
+if not TYPE_CHECKING:  # type checkers know the new names only
+    __getattr__ = renamed(__name__, {"Stance": ("Contacts", Contacts), "stance_of": ("contacts_of", contacts_of)})
