@@ -236,7 +236,7 @@ def test_a_controller_that_cannot_be_used_is_named_before_the_walk(athena, walk,
 
 
 def test_a_commanded_walk_ends_even_if_the_controller_does_not(athena):
-    with pytest.raises(InvalidInputError, match="Standing is in phase 0 after .* expected 1 gait cycles of"):
+    with pytest.raises(InvalidInputError, match=r"Standing is in phase 0 after .* expected 1 gait cycles of"):
         commanded_walk(Standing(athena), hk.terrain.Plane(), num_cycles=1, longest_cycle=2.0)
 
 

@@ -41,7 +41,7 @@ class Bounds(NamedTuple):
 
     def first(self, count: int) -> Bounds:
         """Return the bounds of the first ``count`` leg poses, as views of these arrays."""
-        return Bounds(*(values[..., :count] for values in self))
+        return Bounds(*[values[..., :count] for values in self])
 
 
 def bounds_of(robot: Robot, outer_reach: Array) -> Bounds:

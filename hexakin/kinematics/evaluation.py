@@ -172,7 +172,7 @@ class Solved(NamedTuple):
 
     def at(self, index: Any) -> Solved:
         """Return the part at ``index`` of the axes b and N, as views."""
-        return Solved(*(values[index] for values in self))
+        return Solved(*[values[index] for values in self])
 
 
 @dataclass(frozen=True)
