@@ -4,6 +4,7 @@ import ast
 import dataclasses
 import importlib
 import inspect
+import itertools
 import re
 import textwrap
 
@@ -89,9 +90,14 @@ def named_in(name, text):
 
 
 def passage(name, text):
-    """What is said of a parameter: from its name to the end of its sentence or entry, at most 200 characters."""
+    """What is said of a parameter: its entry in a list of parameters, or 260 characters of prose from its name on."""
     at = named_in(name, text)
-    return "" if at is None else text[at.start() : at.start() + 260]
+    if at is None:
+        return ""
+    first, *lines = text[at.start() :].splitlines()
+    if first.startswith(name) and lines and lines[0].startswith("    "):
+        return "\n".join([first, *itertools.takewhile(lambda line: not line or line.startswith(" "), lines)])
+    return text[at.start() : at.start() + 260]
 
 
 def row_of(name, text):

@@ -161,7 +161,7 @@ def _constraint(
 ) -> Constraint:
     """Find the smallest slack; ``mend`` is a text with {short}, the largest violation as a positive number."""
     if not np.isfinite(slack).any():
-        return Constraint(name, unit, slack, float("nan"), float("nan"), None, None, "it applies at no instant")
+        return _unchecked(name, unit, "it applies at no instant", slack)
     bad = slack < -_ROUNDING if violated is None else violated
     ranked = np.where(bad, slack, np.inf) if bad.any() else slack
     least = float(np.nanmin(ranked))
@@ -170,6 +170,11 @@ def _constraint(
     leg = int(place[1]) + 1 if slack.ndim == 2 else None
     said = mend.format(short=f"{max(-worst, 0.0):.3g}", leg=leg) if bad.any() else ""
     return Constraint(name, unit, slack, worst, float(motion.time[place[0]]), leg, not bad.any(), said)
+
+
+def _unchecked(name: str, unit: str, reason: str, slack: Array) -> Constraint:
+    """Return a constraint that was not checked, for ``reason``; ``slack`` is all NaN."""
+    return Constraint(name, unit, slack, worst=float("nan"), time=float("nan"), leg=None, satisfied=None, mend=reason)
 
 
 def _reach(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constraint:
@@ -195,8 +200,7 @@ def _limits(robot: Robot, motion: Motion, reached: NDArray[np.bool_]) -> Constra
 def _speed(robot: Robot, motion: Motion) -> Constraint:
     limit, slack = robot.servo.max_speed, np.full(motion.q.shape[:2], np.nan)
     if limit is None:
-        said = "the robot's file gives no servo.max_speed"
-        return Constraint("joint speed", "rad/s", slack, float("nan"), float("nan"), None, None, said)
+        return _unchecked("joint speed", "rad/s", "the robot's file gives no servo.max_speed", slack)
     speed = np.abs(np.diff(motion.q, axis=0)).max(axis=-1) / np.diff(motion.time)[:, None]
     slack[1:] = limit - speed
     fastest = float(np.nanmax(speed)) if np.isfinite(speed).any() else limit
@@ -225,10 +229,7 @@ def _clearances(
     found = [_constraint("foot clearance", "m", slack, motion, mend, slack < -motion.touch)]
     if isinstance(terrain, LegCurves):
         said, none = "paper B's curves have no ground away from the feet", np.full(slack.shape, np.nan)
-        return found + [
-            Constraint(name, "m", none, float("nan"), float("nan"), None, None, said)
-            for name in ("knee clearance", "torso clearance")
-        ]
+        return found + [_unchecked(name, "m", said, none) for name in ("knee clearance", "torso clearance")]
     thickness = 0.5 * float(max(robot.segments[name].size[1:].max() for name in ("femur", "tibia")))
     knees = gaps(terrain, transform_points(motion.T_world_body, knee)) - thickness - clearance
     knees = np.where(reached, knees, np.nan)
