@@ -89,9 +89,12 @@ def test_a_point_outside_a_height_field_is_named(hills):
 @pytest.mark.parametrize(
     "x, z, message",
     [
-        ([0, 1, 3], np.zeros((3, 2)), "x must be at least two evenly spaced"),
-        ([0], np.zeros((1, 2)), "x must be at least two"),
-        ([1, 0], np.zeros((2, 2)), "ascending"),
+        ([0, 1, 3], np.zeros((3, 2)), "x must be at least two evenly spaced .* value 2 is 1, expected 1.5"),
+        ([0], np.zeros((1, 2)), "x: expected at least two evenly spaced values"),
+        (0.0, np.zeros((1, 2)), "x: expected at least two evenly spaced values"),
+        ([1, 1], np.zeros((2, 2)), "x must be at least two evenly spaced"),
+        ([0, 1, 0], np.zeros((3, 2)), "x must be at least two evenly spaced"),
+        (np.float32([5e5, 5e5 + 0.02, 5e5 + 0.1]), np.zeros((3, 2)), "x must be at least two evenly spaced"),
         ([0, 1], np.full((2, 2), np.nan), "z: index .* is nan"),
         ([0, 1], np.zeros((3, 2)), "z: expected shape"),
     ],
@@ -99,6 +102,18 @@ def test_a_point_outside_a_height_field_is_named(hills):
 def test_bad_height_fields_are_refused(x, z, message):
     with pytest.raises(InvalidInputError, match=message):
         hk.terrain.HeightField(x, [0, 1], z)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_an_axis_of_any_precision_may_ascend_or_descend(hills, kind):
+    """The grid's spacing is that of its ends, so that single precision moves no point by more than its rounding."""
+    x, y = np.linspace(-1, 1, 41).astype(kind), np.linspace(-2, 1, 61).astype(kind)
+    X, Y = np.meshgrid(np.linspace(-0.99, 0.99, 12), np.linspace(-1.9, 0.9, 12))
+    expected = hk.terrain.HeightField(hills.x, np.linspace(-2, 1, 61), hills.z).height(X, Y)
+    for across, along in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+        field = hk.terrain.HeightField(x[::across], y[::along], hills.z[::across, ::along])
+        assert field.x[0] < field.x[-1] and field.y[0] < field.y[-1]
+        np.testing.assert_allclose(field.height(X, Y), expected, atol=1e-12)
 
 
 def test_athena_stands_on_a_height_field_as_on_the_plane_it_is(athena):

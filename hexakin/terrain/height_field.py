@@ -15,11 +15,13 @@ from hexakin.terrain.base import TriangleMesh, check_points
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """Heights ``z`` (nx, ny) [m] over an evenly spaced grid ``x`` (nx,), ``y`` (ny,) [m], both ascending.
+    """Heights ``z`` (nx, ny) [m] over an evenly spaced grid ``x`` (nx,), ``y`` (ny,) [m].
 
-    Between the grid points the ground consists of flat triangles, the same for heights, normals and engines. Raises
-    InvalidInputError for a grid that is not evenly spaced and ascending. Its functions raise InvalidInputError for
-    points outside the grid.
+    Between the grid points the ground consists of flat triangles, the same for heights, normals and engines. A
+    descending axis, as in images and elevation data, is turned round together with ``z``, so that ``x`` and ``y`` of
+    the terrain ascend. An axis of single precision is evenly spaced if it is so up to its rounding. Raises
+    InvalidInputError for a grid that is not evenly spaced and for values that are not finite. Its functions raise
+    InvalidInputError for points outside the grid.
     """
 
     x: Array
@@ -27,13 +29,11 @@ class HeightField:
     z: Array
 
     def __post_init__(self) -> None:
-        for name in ("x", "y"):
-            grid = check_array(f"HeightField: {name}", getattr(self, name), ())
-            steps = np.diff(grid) if grid.ndim == 1 else np.array([])
-            if len(steps) < 1 or steps.min() <= 0.0 or np.ptp(steps) > 1e-6 * steps.max():
-                raise InvalidInputError(f"HeightField: {name} must be at least two evenly spaced, ascending values")
-            object.__setattr__(self, name, read_only(grid))
-        object.__setattr__(self, "z", read_only(check_array("HeightField: z", self.z, (len(self.x), len(self.y)))))
+        x, y = (_axis(f"HeightField: {name}", getattr(self, name)) for name in ("x", "y"))
+        z = check_array("HeightField: z", self.z, (len(x), len(y)))
+        ways = [-1 if axis[0] > axis[1] else 1 for axis in (x, y)]
+        for name, values in (("x", x[:: ways[0]]), ("y", y[:: ways[1]]), ("z", z[:: ways[0], :: ways[1]])):
+            object.__setattr__(self, name, read_only(values))
 
     def __repr__(self) -> str:
         digest = hashlib.sha256(self.z.tobytes()).hexdigest()[:12]
@@ -112,3 +112,24 @@ class HeightField:
         a, b, c, d = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
         triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
         return (TriangleMesh(vertices, triangles),)
+
+
+def _axis(name: str, values: ArrayLike) -> Array:
+    """Return an axis of the grid (n,) [m] as float64; raise InvalidInputError if it is not evenly spaced."""
+    axis = check_array(name, values, ())
+    if axis.ndim != 1 or len(axis) < 2:
+        raise InvalidInputError(f"{name}: expected at least two evenly spaced values, got shape {axis.shape}")
+    even = np.linspace(axis[0], axis[-1], len(axis))
+    step = abs(even[1] - even[0])
+    given = np.asarray(values).dtype
+    single = given.kind == "f" and given.itemsize < axis.itemsize
+    rounding = 2.0 * float(np.finfo(given).eps) * np.abs(axis).max() if single else 0.0
+    off = np.abs(axis - even)
+    # Rounding is as large as the spacing if a fine grid has large coordinates: such an axis has lost its values.
+    if step == 0.0 or off.max() > max(1e-6 * step, min(rounding, 0.25 * step)):
+        at = int(np.argmax(off)) if step > 0.0 else 0
+        raise InvalidInputError(
+            f"{name} must be at least two evenly spaced values, ascending or descending; value {at + 1} is "
+            f"{axis[at]:.7g}, expected {even[at]:.7g}"
+        )
+    return even if single else axis
