@@ -23,6 +23,7 @@ from hexakin.kinematics.inverse import inverse_kinematics
 from hexakin.motion.clearance import foot_gaps, torso_gaps
 from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
+from hexakin.motion.short_repr import short_repr
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.model import Robot, check_robot
 from hexakin.stability.polygon import polygon_margins
@@ -66,6 +67,8 @@ class Constraint:
     satisfied: bool | None
     mend: str = ""
 
+    __repr__ = short_repr
+
     @property
     def margins(self) -> Array:
         """Old name of ``slack``, with a DeprecationWarning."""
@@ -85,6 +88,9 @@ class FeasibilityReport:
     forces: ForceDistribution
     motion: Motion
 
+    def __repr__(self) -> str:
+        return f"FeasibilityReport({self._verdict()}; {len(self.motion.time)} instants)"
+
     @property
     def feasible(self) -> bool:
         """Whether every constraint that was checked holds at every instant."""
@@ -95,8 +101,11 @@ class FeasibilityReport:
         """Names of the constraints that are violated."""
         return tuple(name for name, constraint in self.constraints.items() if constraint.satisfied is False)
 
+    def _verdict(self) -> str:
+        return "feasible" if self.feasible else f"not feasible: {', '.join(self.binding)}"
+
     def __str__(self) -> str:
-        lines = ["feasible" if self.feasible else f"not feasible: {', '.join(self.binding)}"]
+        lines = [self._verdict()]
         for c in self.constraints.values():
             if c.satisfied is None:
                 lines.append(f"  {c.name:16} not checked: {c.mend}")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError
 from hexakin.motion.recording import Recording
+from hexakin.motion.short_repr import short_repr
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.transforms import inverse_pose, transform_points
 
@@ -46,6 +47,8 @@ class Motion:
     clipped: NDArray[np.bool_]
     ground_height: Array | None = None
     touch: float = 1e-6
+
+    __repr__ = short_repr
 
 
 def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:

@@ -83,6 +83,14 @@ class Recording:
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        known = {name: self.parameters.get(name, "unknown") for name in ("robot", "terrain", "engine")}
+        robot = known["robot"].get("name", "unknown") if isinstance(known["robot"], Mapping) else known["robot"]
+        return (
+            f"Recording(robot {robot}, terrain {known['terrain']}, engine {known['engine']}, {len(self.time)} ticks, "
+            f"{self.time[-1] if len(self.time) else 0.0:g} s)"
+        )
+
     def __getattr__(self, name: str) -> Array:
         """Return the diagnostic of this name, as in ``recording.delta_z``."""
         # The attribute is missing while an object is being copied or unpickled.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array
+from hexakin.motion.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,8 @@ class WalkPlan:
     arch: Array
     foot_radius: float
     parameters: Mapping[str, Any]
+
+    __repr__ = short_repr
 
     @property
     def clearance(self) -> Array:
