@@ -1,4 +1,4 @@
-"""Command line.
+"""Command line: ``python -m hexakin``, or ``hexakin``.
 
 ``python -m hexakin study NAME`` runs a study, or continues a study that was interrupted.
 ``python -m hexakin robot FILE`` checks a robot file and prints a summary of the robot; ``--schema`` prints all fields.
@@ -11,9 +11,11 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hexakin.exceptions import HexakinError, StudyError, UnknownNameError
+from hexakin.installation import __version__
 
 if TYPE_CHECKING:
     from hexakin.study.runner import Study
@@ -25,7 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ``arguments`` are the words of the command line; None takes those of the running program. The exit code is 0, 1
     after an error, 2 for wrong arguments, or 130 after an interrupt.
     """
-    parser = argparse.ArgumentParser(prog="python -m hexakin", description=__doc__)
+    program = "hexakin" if Path(sys.argv[0]).stem == "hexakin" else "python -m hexakin"
+    parser = argparse.ArgumentParser(prog=program, description=__doc__)
+    parser.add_argument("--version", action="version", version=f"hexakin {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     study = commands.add_parser("study", help="run a study, or continue one", description=_STUDY)
     study.add_argument(

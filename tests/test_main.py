@@ -9,7 +9,7 @@ import pytest
 
 from hexakin.__main__ import main
 from hexakin.exceptions import StudyError
-from hexakin.installation import DATA
+from hexakin.installation import DATA, __version__
 from hexakin.papers.studies import STUDIES
 from hexakin.study import journal
 from hexakin.study.runner import run
@@ -132,6 +132,17 @@ def test_the_schema_that_is_printed_ends_in_a_file_that_loads(tmp_path, capsys):
     path.write_text(capsys.readouterr().out.split("An example, which loads as it is:\n")[1])
     assert main(["robot", str(path)]) == 0
     assert capsys.readouterr().out.startswith("mine: 6 legs, 2.134 kg\n")
+
+
+@pytest.mark.parametrize("called, program", [("/usr/bin/hexakin", "hexakin"), ("x/__main__.py", "python -m hexakin")])
+def test_the_version_and_the_name_of_the_command_are_printed(called, program, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [called, "--version"])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 0 and capsys.readouterr().out == f"hexakin {__version__}\n"
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert capsys.readouterr().out.startswith(f"usage: {program} ")
 
 
 def test_a_wrong_call_is_explained(capsys):

@@ -90,6 +90,12 @@ def test_a_wheel_says_its_version_and_that_it_has_types(tmp_path):
     assert {"hexakin/py.typed", "hexakin/__init__.pyi"} <= set(archive.namelist())
 
 
+def test_a_wheel_has_a_command_that_is_the_module(tmp_path):
+    archive = zipfile.ZipFile(built("wheel", tmp_path))
+    (entries,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
+    assert "hexakin = hexakin.__main__:main" in archive.read(entries).decode().splitlines()
+
+
 def test_a_source_package_has_the_documents_and_makes_the_same_wheel(tmp_path):
     for folder in ("source", "wheel", "again"):
         (tmp_path / folder).mkdir()
