@@ -9,6 +9,8 @@ from hexakin.exceptions import InvalidInputError
 
 Array = NDArray[np.float64]
 
+_ROTATION_ERROR = 1e-6  # of R^T R: rounding in single precision, or in a long product of rotations, is below it
+
 
 def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
     """Convert ``value`` to a float array with the last axes ``trailing``, and check that all elements are finite.
@@ -33,6 +35,27 @@ def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: 
         at = f" (at index {', '.join(map(str, leading))})" if leading else ""
         raise InvalidInputError(f"{name}: {place} is {array[index]}, expected a finite number{at}")
     return array
+
+
+def check_poses(name: str, value: ArrayLike) -> Array:
+    """Return ``value`` (..., 4, 4) as a float array if each matrix is a pose; otherwise raise InvalidInputError.
+
+    A pose consists of a rotation, a position [m] and the row (0, 0, 0, 1). Zeros, shears, scales and reflections are no
+    rotations. ``name`` is the argument's name in the message.
+    """
+    T = check_array(name, value, (4, 4))
+    rotation = T[..., :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(axis=(-2, -1))
+        turned = (off <= _ROTATION_ERROR) & (np.linalg.det(rotation) > 0.0)
+    for bad, text in (
+        (~turned, "the first three rows and columns are no rotation"),
+        ((T[..., 3, :] != [0.0, 0.0, 0.0, 1.0]).any(axis=-1), "the last row is not (0, 0, 0, 1)"),
+    ):
+        if bad.any():
+            at = ", ".join(map(str, np.argwhere(bad)[0]))
+            raise InvalidInputError(f"{name}: expected poses, but {text}" + (f" (at index {at})" if at else ""))
+    return T
 
 
 def check_number(

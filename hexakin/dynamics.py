@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_poses
 from hexakin.exceptions import InvalidInputError, MissingPackageError
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot, check_robot
@@ -75,7 +75,7 @@ def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
 
     ``T_world_body`` (4, 4) is the body's pose, ``q`` (L, 3) [rad] are the joint angles.
     """
-    T = check_array("T_world_body", T_world_body, (4, 4))
+    T = check_poses("T_world_body", T_world_body)
     angles = check_array("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
     return np.concatenate([pin.SE3ToXYZQUAT(pin.SE3(T)), angles.ravel()])
 

@@ -339,12 +339,22 @@ def test_wrong_arguments_are_named(athena, short_walk, options, error, message):
 
 def test_a_motion_of_another_robot_or_without_course_of_time_is_named(athena, hwr, marked):
     motion = motion_of(marked)
-    with pytest.raises(InvalidInputError, match=r"motion: q has shape \(\d+, 4, 3\), expected \(n, 6, 3\)"):
+    with pytest.raises(InvalidInputError, match=r"motion: q has shape \(\d+, 4, 3\), expected \(\d+, 6, 3\)"):
         animate(athena, dataclasses.replace(motion, q=motion.q[:, :4]), Plane())
-    with pytest.raises(InvalidInputError, match=r"time has shape \(1,\), expected at least two instants"):
+    with pytest.raises(InvalidInputError, match=r"motion: T_world_body has shape \(\d+, 4, 4\), expected \(1, 4, 4\)"):
         animate(hwr, dataclasses.replace(motion, time=motion.time[:1]), Plane())
-    with pytest.raises(InvalidInputError, match="time falls from"):
+    names = ("time", "T_world_body", "p_body_foot", "q", "carrying", "clipped")
+    first = {name: getattr(motion, name)[:1] for name in names}
+    with pytest.raises(InvalidInputError, match=r"time has shape \(1,\), expected at least two instants"):
+        animate(hwr, dataclasses.replace(motion, **first), Plane())
+    none = {name: getattr(motion, name)[:0] for name in names}
+    with pytest.raises(InvalidInputError, match=r"time has shape \(0,\), expected \(n,\) with at least one instant"):
+        animate(hwr, dataclasses.replace(motion, **none), Plane())
+    with pytest.raises(InvalidInputError, match=r"time must ascend, but .* s follows .* s \(index 1\)"):
         animate(hwr, dataclasses.replace(motion, time=motion.time[::-1]), Plane())
+    four = {name: getattr(motion, name)[:, :4] for name in ("p_body_foot", "q", "carrying", "clipped")}
+    with pytest.raises(InvalidInputError, match="motion: for 4 legs, athena has 6"):
+        animate(athena, dataclasses.replace(motion, **four), Plane())
 
 
 @pytest.mark.parametrize(

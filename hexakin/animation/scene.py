@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from hexakin.animation.ground import Surface, ground_surfaces
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_poses
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.figures.style import LEG_COLOURS
 from hexakin.kinematics.forward import forward_kinematics, segment_poses, standing_height
@@ -144,10 +144,10 @@ def make_scene(
     wanted = _check_show(show)
     ground = _check_terrain(terrain)
     course = motion_of(motion)
-    if course.q.ndim != 3 or course.q.shape[1:] != (robot.num_legs, 3):
-        raise InvalidInputError(f"motion: q has shape {course.q.shape}, expected (n, {robot.num_legs}, 3)")
-    chosen = _keyframes(check_array("motion: time", course.time, ()))
-    T = check_array("motion: T_world_body", course.T_world_body, (4, 4))[chosen]
+    if course.q.shape[1] != robot.num_legs:
+        raise InvalidInputError(f"motion: for {course.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
+    chosen = _keyframes(course.time)
+    T = check_poses("motion: T_world_body", course.T_world_body)[chosen]
     q, held = _held(course.q[chosen], course.time[chosen])
     p_foot = transform_points(T, forward_kinematics(robot, q))
     normal = np.zeros_like(p_foot) + [0.0, 0.0, 1.0]
@@ -208,11 +208,8 @@ def _check_terrain(terrain: Any) -> Terrain | None:
 
 def _keyframes(time: Array) -> NDArray[np.int_]:
     """Return the indices of the instants shown: all, or evenly spaced ones with the first and the last."""
-    if time.ndim != 1 or len(time) < 2:
+    if len(time) < 2:
         raise InvalidInputError(f"motion: time has shape {time.shape}, expected at least two instants (n,)")
-    if (steps := np.diff(time)).min() <= 0.0:
-        at = int(np.argmin(steps))
-        raise InvalidInputError(f"motion: time falls from {time[at]:g} s to {time[at + 1]:g} s, expected ascending")
     count = min(len(time), 1 + int(np.ceil(_RATE * (time[-1] - time[0]))))
     return np.unique(np.round(np.linspace(0, len(time) - 1, max(count, 2))).astype(int))
 

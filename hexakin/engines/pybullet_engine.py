@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole
+from hexakin.checks import Array, check_array, check_number, check_poses, check_whole
 from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
 from hexakin.robot.leg_table import NUM_JOINTS
@@ -177,7 +177,7 @@ class PyBulletEngine(Engine):
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
         """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
-        T = check_array("T_world_body", T_world_body, (4, 4)) @ self._T_body_inertial
+        T = check_poses("T_world_body", T_world_body) @ self._T_body_inertial
         angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
         center, quaternion = T[:3, 3], _quat_xyzw(T[:3, :3])
         pybullet.resetBasePositionAndOrientation(self._body, center, quaternion, physicsClientId=self._client)

@@ -152,7 +152,7 @@ def check(
     check_number("clearance", clearance, at_least=0.0, unit="m")
     check_terrain(terrain, also=(LegCurves,))
     given = motion_of(motion)
-    if given.q.shape[1:] != (robot.num_legs, 3):
+    if given.q.shape[1] != robot.num_legs:
         raise InvalidInputError(f"motion: for {given.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
     reached: NDArray[np.bool_] = np.asarray(np.isfinite(given.q).all(axis=-1))
     q = np.where(reached[..., None], given.q, robot.standing_q)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number
+from hexakin.checks import Array, check_array, check_number, check_poses
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
@@ -105,7 +105,7 @@ def distribute(
     limit = robot.servo.max_torque if max_torque is None else max_torque
     if not limit > 0.0:
         raise InvalidInputError(f"max_torque: {limit}, expected a number above 0 or inf")
-    T = check_array("T_world_body", T_world_body, (4, 4))
+    T = check_poses("T_world_body", T_world_body)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     carry = np.asarray(carrying, dtype=bool)
     n = len(angles)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_poses
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.statics import StaticProblem, static_problem
@@ -75,7 +75,7 @@ def _problem(
 ) -> tuple[StaticProblem, Array]:
     """Statics with all feet on the ground and torques in N m, and the ``given`` values (n, L, 3) after a check."""
     check_robot(robot)
-    T = check_array("T_world_body", T_world_body, (4, 4))
+    T = check_poses("T_world_body", T_world_body)
     shape = (robot.num_legs, 3)
     angles = check_array("q", q, shape, ("leg", "joint"))
     values = check_array(name, given, shape, ("leg", "component"))

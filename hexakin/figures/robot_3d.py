@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgba
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_poses
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures.solids_3d import BlockFaces, SolidFaces
 from hexakin.figures.style import (
@@ -81,7 +81,7 @@ def draw_robot(
     ``labels`` the numbers of the legs, from 1, are written beside the feet. Blocks that `draw_terrain` drew on the
     same axes hide the parts of the robot behind them.
     """
-    T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
+    T = check_poses("T_world_body", np.eye(4) if T_world_body is None else T_world_body)
     feet = transform_points(T, forward_kinematics(robot, q))
     segments = segment_poses(robot, q)
     faces = [_prism(T, robot.torso)]
@@ -161,7 +161,7 @@ def draw_wireframe(
     colour, width
         Colour and width (in points) of the lines.
     """
-    T = np.eye(4) if T_world_body is None else np.asarray(T_world_body, dtype=float)
+    T = check_poses("T_world_body", np.eye(4) if T_world_body is None else T_world_body)
     joints, feet = segment_poses(robot, q)[..., :3, 3], forward_kinematics(robot, q)
     lines = transform_points(T, np.concatenate([joints, feet[:, None]], axis=1).reshape(-1, 3))
     lines = lines.reshape(robot.num_legs, -1, 3) * MM

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_poses
 from hexakin.exceptions import InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
 from hexakin.kinematics.branches import (
     InverseSolution,
@@ -153,7 +153,7 @@ def posed_inverse_kinematics(
     they are broadcast against each other. ``options`` and errors are those of ``inverse_kinematics``. Raises
     InvalidInputError too if the shapes do not go together.
     """
-    T = check_array("T_world_body", T_world_body, (4, 4))
+    T = check_poses("T_world_body", T_world_body)
     feet = check_array("p_world_foot", p_world_foot, (robot.num_legs, 3), ("leg", "coordinate"))
     try:
         np.broadcast_shapes(T.shape[:-2], feet.shape[:-2])

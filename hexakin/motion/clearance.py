@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_poses
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.robot.model import Robot
@@ -28,9 +28,9 @@ def torso_gaps(robot: Robot, terrain: Terrain, T_world_body: ArrayLike) -> Array
     """Smallest gap (...) [m] between the torso's box and the ground of ``terrain``, negative if it is in the ground.
 
     ``T_world_body`` (..., 4, 4) are the poses of the body in the world. The gap is computed at the corners of the box
-    and at 25 points of its underside.
+    and at 25 points of its underside. Raises InvalidInputError for what is no pose.
     """
-    return gaps(terrain, transform_points(T_world_body, _torso_points(robot))).min(axis=-1)
+    return gaps(terrain, transform_points(check_poses("T_world_body", T_world_body), _torso_points(robot))).min(axis=-1)
 
 
 def way_to_ground(

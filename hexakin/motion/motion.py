@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_array
 from hexakin.exceptions import InvalidInputError
 from hexakin.motion.recording import Recording
 from hexakin.motion.short_repr import short_repr
@@ -56,12 +56,12 @@ def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
 
     ``motion`` is a WalkPlan, a Recording, or a Motion, which is returned unchanged. For a recording the result is the
     recorded motion, with the feet that carried load; a foot in the air may then be up to 2 mm in the ground. Raises
-    InvalidInputError for another type.
+    InvalidInputError for another type, for times that do not ascend, and for shapes that do not go together.
     """
     if isinstance(motion, Motion):
-        return motion
-    if isinstance(motion, WalkPlan):
-        return Motion(
+        given = motion
+    elif isinstance(motion, WalkPlan):
+        given = Motion(
             motion.time,
             motion.T_world_body,
             transform_points(inverse_pose(motion.T_world_body), motion.p_world_foot),
@@ -70,10 +70,36 @@ def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
             np.zeros_like(motion.stance),
             motion.ground_height,
         )
-    if isinstance(motion, Recording):
+    elif isinstance(motion, Recording):
         # This force is a mean over the tick before, so that a foot that has just lifted off still counts as loaded.
         loaded = motion.foot_force > 0.0
-        return Motion(
+        given = Motion(
             motion.time, motion.T_world_body, motion.p_body_foot, motion.q, loaded, motion.limited, touch=2e-3
         )
-    raise InvalidInputError(f"motion: expected a Motion, WalkPlan or Recording, got {motion!r:.80}")
+    else:
+        raise InvalidInputError(f"motion: expected a Motion, WalkPlan or Recording, got {motion!r:.80}")
+    _check_shapes(given)
+    return given
+
+
+def _check_shapes(motion: Motion) -> None:
+    time = check_array("motion: time", motion.time, ())
+    if time.ndim != 1 or not len(time):
+        raise InvalidInputError(f"motion: time has shape {time.shape}, expected (n,) with at least one instant")
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if late.size:
+        at = int(late[0]) + 1
+        raise InvalidInputError(f"motion: time must ascend, but {time[at]:g} s follows {time[at - 1]:g} s (index {at})")
+    legs = np.shape(motion.p_body_foot)[1] if np.ndim(motion.p_body_foot) == 3 else "L"
+    expected = {
+        "T_world_body": (4, 4),
+        "p_body_foot": (legs, 3),
+        "q": (legs, 3),
+        "carrying": (legs,),
+        "clipped": (legs,),
+    }
+    for name, row in expected.items():
+        shape = np.shape(getattr(motion, name))
+        if shape != (len(time), *row):
+            wanted = ", ".join(map(str, (len(time), *row)))
+            raise InvalidInputError(f"motion: {name} has shape {shape}, expected ({wanted})")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, read_only
+from hexakin.checks import Array, check_array, check_number, check_poses, read_only
 from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.robot.leg_table import NUM_JOINTS
@@ -128,7 +128,7 @@ def contacts_of(
     check_robot(robot)
     check_terrain(terrain)
     legs = robot.num_legs
-    T = _exactly("T_world_body", T_world_body, (4, 4))
+    T = _exactly("T_world_body", check_poses("T_world_body", T_world_body), (4, 4))
     angles = _exactly("q", q, (legs, NUM_JOINTS), ("leg", "joint"))
     flags = np.asarray(carrying)
     if flags.dtype != bool or flags.shape != (legs,):
