@@ -219,7 +219,7 @@ def test_a_command_is_copied_and_an_observation_may_be_written_into(athena):
         ({"start": None}, "Standing has no method 'start', see hexakin.Controller"),
         ({"parameters": None}, "Standing has no method 'parameters'"),
         ({"phases_per_cycle": 0}, "Standing: phases_per_cycle: 0, expected a whole number of at least 1"),
-        ({"parameters": lambda: {"gait": {1, 2}}}, r"Standing: parameters: \{1, 2\} cannot be written as JSON"),
+        ({"parameters": lambda: {"gait": {1, 2}}}, r"Standing: \{1, 2\} cannot be stored with a recording"),
         ({"parameters": lambda: 3}, "Standing: "),
     ],
 )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError
-from hexakin.motion.recording import Recording
+from hexakin.motion.recording import Recording, as_json
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 
@@ -153,7 +153,7 @@ def check_answer(controller: Controller, command: object, time: float, first: Co
     return checked
 
 
-def check_controller(controller: object) -> dict[str, Any]:
+def check_controller(controller: Any) -> dict[str, Any]:
     """Return the parameters of ``controller`` as a recording keeps them, with the name of its class as "name".
 
     Raises InvalidInputError for an object without a robot, that lacks a member of ``Controller``, that has no gait
@@ -170,17 +170,11 @@ def check_controller(controller: object) -> dict[str, Any]:
     phases = getattr(controller, "phases_per_cycle", None)
     try:
         check_whole("phases_per_cycle", phases, at_least=1)
-        parameters = {**controller.parameters(), "name": kind}  # type: ignore[attr-defined]
-        json.dumps(parameters, default=_as_json)
+        parameters = {**controller.parameters(), "name": kind}
+        json.dumps(parameters, default=as_json)
     except (InvalidInputError, TypeError, ValueError) as error:
         raise InvalidInputError(f"controller: {kind}: {error}") from error
     return parameters
-
-
-def _as_json(value: Any) -> Any:
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    raise TypeError(f"parameters: {value!r:.80} cannot be written as JSON")
 
 
 def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:

@@ -139,7 +139,7 @@ class Recording:
         try:
             with open(temporary, "wb") as stream:
                 np.savez_compressed(
-                    stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters), default=_plain), **arrays
+                    stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters), default=as_json), **arrays
                 )
             os.replace(temporary, target)
         finally:
@@ -178,7 +178,7 @@ controller, engine, time steps, seed and versions of the packages.
 Recording.__doc__ = _described()
 
 
-def _plain(value: Any) -> Any:
+def as_json(value: Any) -> Any:
     """Return a NumPy number or array as a Python number or list, for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
