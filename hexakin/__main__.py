@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hexakin.exceptions import HexakinError, StudyError, UnknownNameError
+from hexakin.exceptions import HexakinError, MissingPackageError, StudyError, UnknownNameError
 from hexakin.installation import __version__
 
 if TYPE_CHECKING:
@@ -74,7 +74,10 @@ def _study(options: argparse.Namespace) -> int:
 
     if not options.names:
         for name, make in studies.STUDIES.items():
-            print(f"{name:16} {len(make()):5d} runs")
+            try:
+                print(f"{name:16} {len(make()):5d} runs")
+            except MissingPackageError as error:
+                print(f"{name:16} {error}")
         return 0
     names = [known for name in options.names for known in (studies.STUDIES if name == "all" else [name])]
     for name in names:

@@ -67,6 +67,15 @@ def test_without_a_name_the_studies_are_listed(capsys):
     assert listed["ramp_sweeps"].strip() == f"{len(STUDIES['ramp_sweeps']())} runs"
 
 
+def test_studies_are_listed_without_salib(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "SALib.sample", None)
+    monkeypatch.delitem(sys.modules, "hexakin.papers.open_choices", raising=False)
+    assert main(["study"]) == 0
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert list(listed) == list(STUDIES)
+    assert "install it with: pip install SALib" in listed["ramp_sensitivity"]
+
+
 def test_studies_of_ones_own_are_run_and_failures_counted(here, capsys):
     assert main(["study", "mine:study", "mine:made", "--folder", "out", "--jobs", "1", "--quiet"]) == 0
     table, made = os.path.join("out", "mine.csv"), os.path.join("out", "made.csv")

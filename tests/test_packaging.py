@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from hexakin import report
 from hexakin.installation import __version__
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -60,6 +61,17 @@ def test_every_requirement_is_pinned():
     assert {name.lower() for name in wanted} <= {pin.lower() for pin in pins}
     lines = (ROOT / "environment.txt").read_text(encoding="utf-8").splitlines()
     assert all("==" in line for line in lines if line and not line.lstrip().startswith("#"))
+
+
+def test_messages_name_packages_and_not_extras_of_a_hexakin_that_pypi_does_not_have():
+    code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "hexakin").rglob("*.py"))
+    assert "pip install " in code and "hexakin[" not in code
+
+
+def test_the_reports_message_names_packages_of_the_notebooks():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = {re.match(r"[\w-]+", wanted)[0] for wanted in project["optional-dependencies"]["notebooks"]}
+    assert set(report.INSTALL.removeprefix("pip install ").split()) <= names
 
 
 def built(kind, folder, root=ROOT):

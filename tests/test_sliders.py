@@ -97,4 +97,4 @@ def test_a_missing_ipywidgets_is_named():
         "except hk.exceptions.MissingPackageError as error:\n    print(error)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert "needs the package 'ipywidgets'" in done.stdout and "hexakin[notebooks]" in done.stdout
+    assert "needs the package 'ipywidgets'" in done.stdout and "pip install ipywidgets" in done.stdout

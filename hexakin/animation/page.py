@@ -73,7 +73,7 @@ def _viewer() -> str:
         bundle = Path(folder) / "viewer" / "dist" / "main.min.js"
         if bundle.is_file():
             return bundle.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    raise MissingPackageError("meshcat", "an animation in a page", 'pip install "hexakin[animation]"')
+    raise MissingPackageError("meshcat", "an animation in a page", "pip install meshcat")
 
 
 def _plain(values: ArrayLike) -> list:

@@ -258,5 +258,5 @@ def _ipywidgets() -> ModuleType:
     try:
         import ipywidgets
     except ImportError as error:
-        raise MissingPackageError("ipywidgets", "sliders", 'pip install "hexakin[notebooks]"') from error
+        raise MissingPackageError("ipywidgets", "sliders", "pip install ipywidgets") from error
     return ipywidgets

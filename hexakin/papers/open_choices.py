@@ -24,7 +24,7 @@ try:
     from SALib.analyze import morris as analyze
     from SALib.sample import morris as sample
 except ImportError as error:
-    raise MissingPackageError("SALib", "a sensitivity study", 'pip install "hexakin[notebooks]"') from error
+    raise MissingPackageError("SALib", "a sensitivity study", "pip install SALib") from error
 
 GRID_LEVELS = 4  # Morris' grid: a choice is at 0, 1/3, 2/3 or 1 of its range
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.report import INSTALL
 from hexakin.report.figure_table import Figure, checks_passed, figure_table, find_pictures, judged_statements
 from hexakin.report.index import write_index
 from hexakin.report.page import Page, title_of, write_page
@@ -23,7 +24,7 @@ try:
     import nbclient
     import nbformat
 except ImportError as error:
-    raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
+    raise MissingPackageError(str(error.name), "the report", INSTALL) from error
 
 
 def run(notebook: Any, folder: Path) -> tuple[float, str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hexakin import installation
 from hexakin.exceptions import MissingPackageError
+from hexakin.report import INSTALL
 from hexakin.report.figure_table import Figure, Judged, Picture, count_verdicts
 from hexakin.report.page import Page, now, picture_file, write
 from hexakin.study import provenance
@@ -18,7 +19,7 @@ from hexakin.study import provenance
 try:
     import jinja2
 except ImportError as error:
-    raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
+    raise MissingPackageError(str(error.name), "the report", INSTALL) from error
 
 _TEMPLATE = Path(__file__).with_name("index.html")
 PACKAGES = (*provenance.PACKAGES, "casadi", "sympy", "pandas", "matplotlib", "meshcat", "nbclient", "nbconvert")

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.exceptions import MissingPackageError
+from hexakin.report import INSTALL
 from hexakin.report.figure_table import Picture
 
 try:
@@ -22,7 +23,7 @@ try:
     import nbformat
     from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 except ImportError as error:
-    raise MissingPackageError(str(error.name), "the report", 'pip install "hexakin[notebooks]"') from error
+    raise MissingPackageError(str(error.name), "the report", INSTALL) from error
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 

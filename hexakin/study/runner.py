@@ -35,7 +35,7 @@ try:
     from joblib.externals import loky
     from tqdm import tqdm
 except ImportError as error:
-    raise MissingPackageError(str(error.name), "a study", 'pip install "hexakin"') from error
+    raise MissingPackageError(str(error.name), "a study", f"pip install {error.name}") from error
 
 
 @dataclass(frozen=True)
