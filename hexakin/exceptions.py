@@ -113,6 +113,10 @@ class SimulationError(HexakinError, RuntimeError):
     """A simulation cannot continue: the state is not finite any more, or the robot has left the scene."""
 
 
+class FileError(HexakinError, OSError):
+    """A file cannot be read or written: it is missing, damaged or too large, or its folder is missing or full."""
+
+
 class RecordingError(HexakinError, ValueError):
     """A recording cannot be read: the file is truncated, is not a recording, or has another format."""
 

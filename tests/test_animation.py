@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 import hexakin as hk
 from hexakin.animation import animate
 from hexakin.animation.ground import ground_surfaces
-from hexakin.exceptions import InvalidInputError, MissingPackageError, UnknownNameError
+from hexakin.exceptions import FileError, InvalidInputError, MissingPackageError, UnknownNameError
 from hexakin.kinematics import segment_poses
 from hexakin.motion.motion import motion_of
 from hexakin.stability.polygon import support_polygon
@@ -361,7 +361,7 @@ def test_a_motion_of_another_robot_or_without_course_of_time_is_named(athena, hw
     ("name", "options", "error", "message"),
     [
         ("walk.avi", {}, UnknownNameError, r"unknown format '.avi'; known: .html, .gif, .mp4"),
-        ("no/walk.gif", {}, InvalidInputError, "path: the folder .*no of walk.gif does not exist"),
+        ("no/walk.gif", {}, FileError, r"walk\.gif: cannot be written \(the folder .*no does not exist\)"),
         ("walk.gif", {"frame_rate": 100.0}, InvalidInputError, "frame_rate: 100 1/s, expected above 0 and at most 50"),
         ("walk.gif", {"size": 640}, InvalidInputError, r"size: expected \(width, height\), got 640"),
         ("walk.gif", {"size": (640, 481)}, InvalidInputError, "size: height: 481, expected an even number"),

@@ -16,7 +16,7 @@ from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from hexakin import figures
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import FileError, InvalidInputError
 from hexakin.figures.occlusion import cut_hidden, hiding_planes
 from hexakin.figures.solids_3d import BlockFaces, SolidFaces, eye_of
 from hexakin.simulation.closed_loop import starting_pose
@@ -417,7 +417,7 @@ def test_equal_figures_make_equal_files_under_a_name_that_is_kept(tmp_path):
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path):
-    with pytest.raises(InvalidInputError, match=r"path: the folder .*nowhere of a\.pdf does not exist"):
+    with pytest.raises(FileError, match=r"a\.pdf: cannot be written \(the folder .*nowhere does not exist\)"):
         figures.save_pdf(plt.figure(), tmp_path / "nowhere" / "a")
 
 

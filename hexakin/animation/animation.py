@@ -18,7 +18,8 @@ from pathlib import Path
 
 from hexakin.animation.page import page_of
 from hexakin.animation.scene import SHOWN, Scene, make_scene
-from hexakin.checks import check_number, check_whole
+from hexakin.checks import check_number, check_path, check_whole
+from hexakin.checks.files import whole_file
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.motion import Motion
 from hexakin.motion.recording import Recording
@@ -107,23 +108,20 @@ class Animation:
         left, and a file that was there before stays as it was.
 
         Raises MissingPackageError (a page needs meshcat, an MP4 file the encoder ffmpeg), UnknownNameError for another
-        ending, and InvalidInputError if the folder does not exist or a number is out of its range. SimulationError is
-        raised if ffmpeg fails.
+        ending, FileError if the file cannot be written, and InvalidInputError if ``path`` is no path or a number is out
+        of its range. SimulationError is raised if ffmpeg fails.
         """
-        target = Path(path)
+        target = check_path("path", path)
         ending = target.suffix.lower()
         if ending not in (".html", ".gif", ".mp4"):
             raise UnknownNameError("format", ending, [".html", ".gif", ".mp4"])
-        if not target.parent.is_dir():
-            raise InvalidInputError(f"path: the folder {target.parent} of {target.name} does not exist")
         check_number("frame_rate", frame_rate, above=0.0, at_most=50.0, unit="1/s")
         if not isinstance(size, tuple) or len(size) != 2:
             raise InvalidInputError(f"size: expected (width, height), got {size!r:.80}")
         for name, pixels in zip(("width", "height"), size, strict=True):
             if check_whole(f"size: {name}", pixels, at_least=32) % 2:
                 raise InvalidInputError(f"size: {name}: {pixels}, expected an even number")
-        temporary = target.with_name(f".{target.stem}.{os.getpid()}.part{ending}")
-        try:
+        with whole_file(target) as temporary:
             if ending == ".html":
                 temporary.write_text(self.html(), encoding="utf-8")
             else:
@@ -131,9 +129,6 @@ class Animation:
 
                 write = write_gif if ending == ".gif" else write_mp4
                 write(temporary, self.scene, self.speed, frame_rate, size)
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
         return target
 
     def _repr_html_(self) -> str:

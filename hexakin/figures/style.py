@@ -9,7 +9,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from hexakin.exceptions import InvalidInputError
+from hexakin.checks import check_path
+from hexakin.checks.files import whole_file
 
 # The colours of Okabe and Ito, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
@@ -43,18 +44,12 @@ def save_pdf(figure: Figure, path: str | os.PathLike[str]) -> Path:
 
     The page has the size of the figure, so that figures of the same width also have it on paper. Fonts are embedded as
     TrueType, and equal figures give equal files. ``.pdf`` is added to ``path`` if it is missing. If writing fails, a
-    file that was there before stays as it was. Raises InvalidInputError if the folder does not exist.
+    file that was there before stays as it was. Raises InvalidInputError if ``path`` is no path, and FileError if the
+    file cannot be written.
     """
-    target = Path(path)
+    target = check_path("path", path)
     if target.suffix.lower() != ".pdf":
         target = target.with_name(target.name + ".pdf")
-    if not target.parent.is_dir():
-        raise InvalidInputError(f"path: the folder {target.parent} of {target.name} does not exist")
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        with plt.rc_context({"pdf.fonttype": 42, "savefig.bbox": None}):
-            figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(target) as temporary, plt.rc_context({"pdf.fonttype": 42, "savefig.bbox": None}):
+        figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
     return target

@@ -5,8 +5,6 @@ from __future__ import annotations
 import inspect
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
@@ -15,8 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array
-from hexakin.exceptions import RecordingError
+from hexakin.checks import Array, check_number, check_path, check_whole
+from hexakin.checks.files import Arrays, Header, opened_arrays, parse_json, whole_file
+from hexakin.exceptions import FileError, InvalidInputError, RecordingError
+
+# A recording has about 1.2 kB per control tick: the largest is one of 12 hours at 20 ticks per second. The file of a
+# walk has about three quarters of this size, that of a robot at rest less.
+_LARGEST = 2**30  # [bytes] of all arrays, unpacked
+_RATIO, _SMALL = 200, 16 * 2**20  # a file of n bytes may unpack to _SMALL + _RATIO n
+_LONGEST_PARAMETERS = 2**20  # [characters] those of ATHENA's walk have 4000
 
 _FORMAT = "hexakin-recording-4"
 _OLDER = ("hexakin-recording-3",)
@@ -128,22 +133,20 @@ class Recording:
         """Write the recording to ``path`` as a NumPy ``.npz`` archive.
 
         The suffix ``.npz`` is added if it is missing. The file is written under another name and then renamed, so that
-        it is never incomplete. Raises OSError if it cannot be written.
+        it is never incomplete. Raises InvalidInputError if ``path`` is no path, FileError if the file cannot be
+        written, and RecordingError if JSON cannot store one of the ``parameters``.
         """
-        target = Path(path)
+        target = check_path("path", path)
         if target.suffix != ".npz":
             target = target.with_name(target.name + ".npz")
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
         arrays = {column.name: getattr(self, column.name) for column in _COLUMNS}
         arrays |= {_DIAGNOSTIC + name: values for name, values in self.diagnostics.items()}
         try:
-            with open(temporary, "wb") as stream:
-                np.savez_compressed(
-                    stream, format=_FORMAT, parameters=json.dumps(dict(self.parameters), default=as_json), **arrays
-                )
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
+            parameters = json.dumps(dict(self.parameters), default=as_json)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise RecordingError(f"parameters: {error}") from error
+        with whole_file(target) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(stream, format=_FORMAT, parameters=parameters, **arrays)
 
 
 _COLUMNS: tuple[Field, ...] = tuple(column for column in fields(Recording) if column.metadata)
@@ -185,61 +188,79 @@ def as_json(value: Any) -> Any:
     raise TypeError(f"{value!r:.80} cannot be stored with a recording")
 
 
-_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError, NotImplementedError)
-
-
 def load_recording(path: str | os.PathLike[str]) -> Recording:
     """Read the recording that ``Recording.save`` wrote to ``path``; files of hexakin 0.1 can be read too.
 
-    Raises RecordingError, which names the file and the fault, if the file is missing, truncated, damaged or not a
-    recording.
+    Raises InvalidInputError if ``path`` is no path. Raises RecordingError, which names the file and the fault, if the
+    file is missing, truncated, damaged or not a recording. Sizes and shapes are checked before arrays are unpacked.
     """
-    names = [column.name for column in _COLUMNS]
+    file = check_path("path", path)
     try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            made = str(archive["format"]) if "format" in archive else ""
-            if made not in (_FORMAT, *_OLDER):
-                raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
-            stored = {name: archive[name] for name in archive.files if name not in ("format", "parameters")}
-            expected = (
-                [name for name in names if name != "joint_velocity"] + [*_FORMER_COLUMNS] if made in _OLDER else names
-            )
-            missing = [name for name in expected if name not in stored] + ["parameters"] * ("parameters" not in archive)
-            if not missing and made in _OLDER:
-                stored = _brought_up(stored)
-            if missing:
-                raise RecordingError(f"{path}: {', '.join(missing)} missing")
-            parameters = json.loads(str(archive["parameters"]))
-    except FileNotFoundError as error:
-        raise RecordingError(f"{path}: no such file") from error
+        most = min(_LARGEST, _SMALL + _RATIO * file.stat().st_size) if file.is_file() else _SMALL
+        with opened_arrays(file, most) as archive:
+            return _read(archive)
     except RecordingError:
         raise
-    except _DAMAGED as error:
-        raise RecordingError(f"{path}: truncated or damaged, not readable as a recording ({error})") from error
-    columns = {name: stored[name] for name in names}
+    except (FileError, OSError) as error:
+        raise RecordingError(str(error)) from error
+
+
+def _read(archive: Arrays) -> Recording:
+    path = archive.path
+    made = _text(archive, "format", 100) if "format" in archive.headers else ""
+    if made not in (_FORMAT, *_OLDER):
+        raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
+    # The name in the file of each column and diagnostic.
+    names = {name: name for name in archive.headers if name.startswith(_DIAGNOSTIC)}
+    names |= {column.name: column.name for column in _COLUMNS}
+    if made in _OLDER:
+        del names["joint_velocity"]
+        names |= {_DIAGNOSTIC + name: name for name in _FORMER_COLUMNS}
+    if missing := [name for name in (*names.values(), "parameters") if name not in archive.headers]:
+        raise RecordingError(f"{path}: {', '.join(missing)} missing")
+    _check_arrays(path, {name: archive.headers[stored] for name, stored in names.items()})
+    parameters = _parameters(path, _text(archive, "parameters", _LONGEST_PARAMETERS))
+    stored = {name: archive.read(name_in_file) for name, name_in_file in names.items()}
+    columns = {name: values for name, values in stored.items() if not name.startswith(_DIAGNOSTIC)}
     diagnostics = {k.removeprefix(_DIAGNOSTIC): v for k, v in stored.items() if k.startswith(_DIAGNOSTIC)}
-    _check(str(path), columns, diagnostics, parameters)
+    if made in _OLDER:
+        columns["joint_velocity"] = np.full(columns["q"].shape, np.nan)  # not contained
     return Recording(**columns, diagnostics=diagnostics, parameters=parameters)
 
 
-def _brought_up(stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Convert columns of an older format to the current one; joint rates, which it does not contain, become NaN."""
-    columns = {_DIAGNOSTIC + name if name in _FORMER_COLUMNS else name: values for name, values in stored.items()}
-    return columns | {"joint_velocity": np.full(stored["q"].shape, np.nan)}
+def _text(archive: Arrays, name: str, longest: int) -> str:
+    """Return a text of at most ``longest`` characters from an archive."""
+    shape, dtype = archive.headers[name]
+    if shape != () or dtype.kind != "U" or dtype.itemsize > 4 * longest:
+        raise RecordingError(f"{archive.path}: {name} has shape {shape} of {dtype}, expected a text up to {longest}")
+    return str(archive.read(name))
 
 
-def _check(path: str, columns: dict[str, np.ndarray], diagnostics: dict[str, np.ndarray], parameters: Any) -> None:
-    """Raise RecordingError unless all shapes and types match the fields and all required parameters are present."""
-    time = columns["time"]
-    legs = columns["q"].shape[1] if columns["q"].ndim == 3 else 0
-    if time.ndim != 1 or len(time) == 0 or legs == 0:
-        raise RecordingError(f"{path}: time {time.shape} and q {columns['q'].shape} are not the shapes of a recording")
-    expected = {column.name: (column.metadata["shape"], column.metadata["kind"]) for column in _COLUMNS}
-    for name, array in {**columns, **diagnostics}.items():
-        trailing, kind = expected.get(name, ((), "f"))
-        shape = (len(time), *(legs if size == "L" else size for size in trailing))
-        if array.shape != shape or array.dtype.kind != kind:
-            raise RecordingError(f"{path}: {name} has shape {array.shape} of {array.dtype}, expected {shape}")
+def _check_arrays(path: Path, headers: Mapping[str, Header]) -> None:
+    """Raise RecordingError unless all shapes and types match the fields."""
+    time, q = headers["time"].shape, headers["q"].shape
+    if len(time) != 1 or time[0] == 0 or len(q) != 3 or q[1] == 0:
+        raise RecordingError(f"{path}: time {time} and q {q} are not the shapes of a recording")
+    described = {column.name: (column.metadata["shape"], column.metadata["kind"]) for column in _COLUMNS}
+    for name, (shape, dtype) in headers.items():
+        trailing, kind = described.get(name, ((), "f"))
+        expected = (*time, *(q[1] if size == "L" else size for size in trailing))
+        if shape != expected or dtype.kind != kind:
+            raise RecordingError(f"{path}: {name} has shape {shape} of {dtype}, expected {expected}")
+
+
+def _parameters(path: Path, text: str) -> dict[str, Any]:
+    """Return the parameters of a recording; raise RecordingError unless those that its measures use are present."""
+    try:
+        parameters = parse_json(text)
+    except ValueError as error:
+        raise RecordingError(f"{path}: its parameters are not valid JSON ({error})") from error
     needed = ("robot", "phases_per_cycle", "controller", "control_rate")
     if not isinstance(parameters, dict) or any(name not in parameters for name in needed):
         raise RecordingError(f"{path}: its parameters must contain {', '.join(needed)}")
+    try:
+        check_whole("phases_per_cycle", parameters["phases_per_cycle"], at_least=1)
+        check_number("control_rate", parameters["control_rate"], above=0.0, unit="1/s")
+    except InvalidInputError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    return parameters

@@ -16,13 +16,17 @@ The words of the paper are interpreted as follows:
 from __future__ import annotations
 
 import csv
+import io
 import math
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from hexakin.checks import check_path
+from hexakin.checks.files import read_bytes
 from hexakin.exceptions import InvalidInputError, UnknownNameError, renamed
 from hexakin.installation import DATA
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS
@@ -61,20 +65,24 @@ __all__ = [
 
 VERDICTS = ("reproduced", "same direction", "not reproduced", "no data")
 
+_LARGEST = 2**20  # [bytes] eighty times the size of paper A's file
 _FIELDS = tuple(Statement.__dataclass_fields__)
 _WITH_VALUE = ("change_percent", "direction", "value")
 _WITH_TOLERANCE = ("change_percent", "unchanged", "value")
 
 
-def statements(name: str = "athena", path: Path | None = None) -> dict[str, Statement]:
+def statements(name: str = "athena", path: str | os.PathLike[str] | None = None) -> dict[str, Statement]:
     """Statements of ``data/paper/<name>.csv``, or of the file ``path``, by their id.
 
-    Raises UnknownNameError if there is no such file, and InvalidInputError, with the line, for an invalid row.
+    Raises UnknownNameError for an unknown ``name``, InvalidInputError if ``path`` is no path, FileError if the file
+    cannot be read, and InvalidInputError, with the line, for an invalid row.
     """
-    file = path or DATA / "paper" / f"{name}.csv"
-    if not file.is_file():
-        raise UnknownNameError("paper", name, sorted(p.stem for p in (DATA / "paper").glob("*.csv")))
-    return _read(file)
+    if path is not None:
+        return _read(check_path("path", path))
+    known = sorted(file.stem for file in (DATA / "paper").glob("*.csv"))
+    if name not in known:
+        raise UnknownNameError("paper", name, known)
+    return _read(DATA / "paper" / f"{name}.csv")
 
 
 def reported(figure: str) -> dict[str, list[tuple[float, float]]]:
@@ -91,8 +99,8 @@ def reported(figure: str) -> dict[str, list[tuple[float, float]]]:
 
 def _read(file: Path) -> dict[str, Statement]:
     found: dict[str, Statement] = {}
-    with open(file, newline="", encoding="utf-8") as stream:
-        reader = csv.DictReader(stream)
+    try:
+        reader = csv.DictReader(io.StringIO(read_bytes(file, _LARGEST).decode(), newline=""), strict=True)
         if tuple(reader.fieldnames or ()) != _FIELDS:
             raise InvalidInputError(f"{file}: line 1: expected the columns {', '.join(_FIELDS)}")
         for row in reader:
@@ -103,6 +111,8 @@ def _read(file: Path) -> dict[str, Statement]:
             except ValueError as error:
                 raise InvalidInputError(f"{file}: line {reader.line_num}: {error}") from error
             found[statement.id] = statement
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InvalidInputError(f"{file}: not a table in UTF-8 ({error})") from error
     return found
 
 

@@ -14,7 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.checks.files import read_bytes
+from hexakin.exceptions import FileError, HexakinError, InvalidInputError, MissingPackageError
 from hexakin.report import INSTALL
 from hexakin.report.figure_table import Figure, checks_passed, figure_table, find_pictures, judged_statements
 from hexakin.report.index import write_index
@@ -25,6 +26,8 @@ try:
     import nbformat
 except ImportError as error:
     raise MissingPackageError(str(error.name), "the report", INSTALL) from error
+
+_LARGEST = 2**26  # [bytes] a notebook with pictures has about a megabyte
 
 
 def run(notebook: Any, folder: Path) -> tuple[float, str]:
@@ -49,13 +52,22 @@ def run(notebook: Any, folder: Path) -> tuple[float, str]:
     return time.monotonic() - start, failure
 
 
+def _notebook(path: Path) -> Any:
+    """Return the notebook in a file."""
+    text = read_bytes(path, _LARGEST)
+    try:
+        return nbformat.reads(text.decode(), as_version=4)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise FileError(f"{path}: not a notebook ({error})") from error
+
+
 def make_page(path: Path, report: Path, names: list[str], stored: bool = False) -> Page:
     """Run the notebook at ``path`` and write its page into the folder ``report``, even if the notebook fails.
 
     ``names`` are the names of the figures to look for. With ``stored`` the notebook is not run, and the page shows its
     stored outputs.
     """
-    notebook = nbformat.read(path, as_version=4)
+    notebook = _notebook(path)
     page = Page(path.stem, title_of(notebook, path.stem), written=True)
     if stored:
         errors = [o for cell in notebook.cells for o in cell.get("outputs", []) if o.output_type == "error"]
@@ -83,7 +95,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run all notebooks of a folder and return the exit code.
 
     It is 1 if a notebook failed or a figure has no picture, 130 after an interruption, otherwise 0. ``arguments`` are
-    those of the command line, None for the program's own. Raises InvalidInputError if the folder has no notebooks.
+    those of the command line, None for the program's own. Raises InvalidInputError if the folder has no notebooks, and
+    FileError if a notebook cannot be read or the report cannot be written.
     """
     parser = argparse.ArgumentParser(prog="python -m hexakin.report", description=__doc__)
     parser.add_argument("notebooks", type=Path)
@@ -93,10 +106,13 @@ def main(arguments: list[str] | None = None) -> int:
     paths = sorted(options.notebooks.glob("*.ipynb"))
     if not paths:
         raise InvalidInputError(f"{options.notebooks}: this folder has no notebooks")
-    options.report.mkdir(parents=True, exist_ok=True)
+    try:
+        options.report.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{options.report}: this folder cannot be made ({error.strerror or error})") from error
     figures = figure_table(options.notebooks.resolve().parent / "README.md")
     statements = judged_statements() if figures else {}
-    pages = [Page(path.stem, title_of(nbformat.read(path, as_version=4), path.stem)) for path in paths]
+    pages = [Page(path.stem, title_of(_notebook(path), path.stem)) for path in paths]
     try:
         for number, path in enumerate(paths, start=1):
             index = write_index(pages, figures, statements, options.report)
@@ -119,4 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except HexakinError as error:
+        sys.exit(f"error: {error}")

@@ -5,7 +5,6 @@ Formulas are MathML, which browsers can draw. The pages of nbconvert would load 
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from hexakin.checks.files import whole_file
 from hexakin.exceptions import MissingPackageError
 from hexakin.report import INSTALL
 from hexakin.report.figure_table import Picture
@@ -87,10 +87,9 @@ def picture_file(picture: Picture) -> str:
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file; if this fails, a file that was there before stays as it was."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-    os.replace(temporary, path)
+    """Write a file, completely or not at all; raises FileError if it cannot be written."""
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def now() -> str:

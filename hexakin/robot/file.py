@@ -16,14 +16,15 @@ from typing import Any, NamedTuple
 import yaml
 from pydantic import ValidationError
 
-from hexakin.exceptions import RobotFileError, UnknownNameError
+from hexakin.checks import check_path
+from hexakin.checks.files import DEEPEST, read_bytes
+from hexakin.exceptions import FileError, RobotFileError, UnknownNameError
 from hexakin.installation import DATA
 from hexakin.robot.build import build
 from hexakin.robot.model import Robot
 from hexakin.robot.schema import FieldError, RobotFields
 
-_LARGEST = 64 * 1024  # [characters] ten times the largest shipped file
-_DEEPEST = 32  # allowed levels of nesting; a robot file has six
+_LARGEST = 64 * 1024  # [bytes] ten times the largest shipped file
 
 
 def robot_names() -> list[str]:
@@ -35,17 +36,15 @@ def load_robot(name: str | os.PathLike[str]) -> Robot:
     """Load a robot by its name or from a file.
 
     ``name`` is the name of a shipped robot (such as ``"athena"``) or the path of a YAML file. ``python -m hexakin robot
-    --schema`` prints the documentation of such a file. Raises UnknownNameError for an unknown name. Raises
-    RobotFileError if the file cannot be read or describes a robot that cannot exist; the error names the file, the
-    field, its value and the expected values.
+    --schema`` prints the documentation of such a file. Raises InvalidInputError if ``name`` is neither text nor a path,
+    and UnknownNameError for an unknown name. Raises RobotFileError if the file cannot be read or describes a robot that
+    cannot exist; the error names the file, the field, its value and the expected values.
     """
-    if not isinstance(name, (str, os.PathLike)) or "\0" in str(name):
-        raise RobotFileError(f"expected a robot's name or the path of its file, got {name!r:.80}")
-    path = Path(name)
-    if path.suffix not in (".yaml", ".yml") and path.name == str(name):
-        if str(name) not in robot_names():
-            raise UnknownNameError("robot", str(name), [*robot_names(), "a path to a .yaml file"])
-        path = DATA / "robots" / f"{name}.yaml"
+    path = check_path("name", name)
+    if path.suffix not in (".yaml", ".yml") and path.name == str(path):
+        if str(path) not in robot_names():
+            raise UnknownNameError("robot", str(path), [*robot_names(), "a path to a .yaml file"])
+        path = DATA / "robots" / f"{path}.yaml"
     return robot_from_tree(_parsed(_text(path), str(path)), str(path))
 
 
@@ -70,15 +69,11 @@ def robot_from_tree(tree: object, origin: str) -> Robot:
 
 def _text(path: Path) -> str:
     try:
-        if path.exists() and not path.is_file():
-            raise OSError("not a file")
-        with path.open(encoding="utf-8-sig") as file:
-            text = file.read(_LARGEST + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{path}: cannot be read ({error})") from error
-    if len(text) > _LARGEST:
-        raise RobotFileError(f"{path}: longer than {_LARGEST} characters, the most that is allowed")
-    return text
+        return read_bytes(path, _LARGEST).decode("utf-8-sig")
+    except FileError as error:
+        raise RobotFileError(str(error)) from error
+    except UnicodeDecodeError as error:
+        raise RobotFileError(f"{path}: not text in UTF-8 ({error})") from error
 
 
 # The errors that PyYAML raises for malformed text and invalid tags.
@@ -93,7 +88,7 @@ def _parsed(text: str, origin: str) -> object:
         for event in yaml.parse(text, Loader=_Loader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             fault = "aliases (*) are not allowed" if isinstance(event, yaml.AliasEvent) else "nested too deeply"
-            if depth > _DEEPEST or isinstance(event, yaml.AliasEvent):
+            if depth > DEEPEST or isinstance(event, yaml.AliasEvent):
                 mark: Any = event.start_mark
                 raise yaml.composer.ComposerError(None, None, fault, mark)
         return yaml.load(text, Loader=_StrictLoader)

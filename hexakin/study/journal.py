@@ -13,9 +13,11 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from hexakin.exceptions import StudyError
+from hexakin.checks.files import parse_json, read_bytes, whole_file
+from hexakin.exceptions import FileError, StudyError
 
 _FORMAT = "hexakin-journal-1"
+_LARGEST = 2**30  # [bytes] the journals of paper A's studies have less than a hundredth of it
 
 KEPT = "finished runs are kept; repeat the same call to continue"
 
@@ -98,12 +100,12 @@ def read(path: Path) -> tuple[list[dict[str, Any]], int]:
 
     If there is no file, there are no records and no such lines. Raises StudyError for a file that is not a journal.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
+    if not path.exists():
         return [], 0
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror or error})") from error
+    try:
+        data = read_bytes(path, _LARGEST)
+    except FileError as error:
+        raise StudyError(str(error)) from error
     *lines, rest = data.split(b"\n")
     found = [_record(line) for line in lines]
     records = [record for record in found if record is not None]
@@ -117,17 +119,11 @@ def read(path: Path) -> tuple[list[dict[str, Any]], int]:
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write ``data`` to the file ``path``, completely or not at all; raises StudyError if it cannot be written."""
-    temporary = path.with_name(path.name + ".part")
     try:
-        with open(temporary, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise _unwritable(path, error) from error
+        with whole_file(path) as temporary:
+            temporary.write_bytes(data)
+    except FileError as error:
+        raise StudyError(str(error)) from error
 
 
 def set_aside(paths: Sequence[Path]) -> None:
@@ -160,4 +156,10 @@ def _line(record: Mapping[str, Any]) -> bytes:
 def _record(line: bytes) -> dict[str, Any] | None:
     """Return the record of a line; None if the line is incomplete or damaged."""
     checksum, _, text = line.partition(b" ")
-    return json.loads(text) if checksum == b"%08x" % zlib.crc32(text) else None
+    if checksum != b"%08x" % zlib.crc32(text):
+        return None
+    try:
+        record = parse_json(text)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) else None

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hexakin.checks import check_path
 from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError
 from hexakin.study.journal import KEPT, Journal, alone, set_aside, write_whole
 from hexakin.study.provenance import Trial, machine, provenance
@@ -113,7 +114,7 @@ def run(
 
     Raises StudyError if the folder has results of other code or another function, if another process is writing them,
     if the disk is full, if a worker process dies, or if a run fails with another error than SimulationError; the
-    message names the cause. Raises InvalidInputError for ``jobs`` = 0.
+    message names the cause. Raises InvalidInputError for ``jobs`` = 0, or if ``folder`` is no path.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def run(
     """
     if jobs == 0:
         raise InvalidInputError("jobs: 0, expected how many processes (or None: one for each core)")
-    path = Path(folder) / study.name
+    path = check_path("folder", folder) / study.name
     journal_path, csv_path, json_path = (path.with_suffix(suffix) for suffix in (".journal", ".csv", ".json"))
     made_by = provenance(study.trial)
     with alone(journal_path):

@@ -10,7 +10,11 @@ from collections.abc import Iterable, Mapping
 
 import pandas as pd
 
-from hexakin.exceptions import StudyError
+from hexakin.checks import check_path
+from hexakin.checks.files import read_bytes
+from hexakin.exceptions import FileError, StudyError
+
+_LARGEST = 2**30  # [bytes] the tables of paper A's studies have less than a hundredth of it
 
 Scalar = bool | int | float | str | None
 
@@ -24,14 +28,15 @@ RESERVED = ("status", *NOT_COMPARED)
 def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     """Read the table ``path`` that ``run`` wrote: values and types are equal, except that None among numbers is NaN.
 
-    Raises StudyError if the file is missing or not a study's table.
+    Raises InvalidInputError if ``path`` is no path, and StudyError if the file is missing or not a study's table.
     """
+    file = check_path("path", path)
     try:
-        with open(path, encoding="utf-8", newline="") as stream:
-            names, *rows = csv.reader(stream, strict=True)
+        text = read_bytes(file, _LARGEST).decode()
+        names, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
         table = pd.DataFrame([[_value(text) for text in row] for row in rows], columns=names)
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except FileError as error:
+        raise StudyError(str(error)) from error
     except (ValueError, csv.Error) as error:  # the file is empty, its lines have different lengths, or it is not text
         raise StudyError(f"{path}: not readable as a study's table ({error})") from error
     if missing := [name for name in RESERVED if name not in table]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -115,6 +117,20 @@ def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < at_least:
         raise InvalidInputError(f"{name}: {value!r}, expected a whole number of at least {at_least}")
     return int(value)
+
+
+def check_path(name: str, value: object) -> Path:
+    """Return ``value``, a text or an ``os.PathLike`` of text, as a path; otherwise raise InvalidInputError.
+
+    A number is no path: Python would take it for an open file. ``name`` is the argument's name in the message.
+    """
+    try:
+        text = os.fspath(value) if isinstance(value, os.PathLike) else value
+    except Exception as error:  # an object may raise anything
+        raise InvalidInputError(f"{name}: expected a path, got {value!r:.80} ({error})") from error
+    if not isinstance(text, str) or text == "" or "\0" in text:
+        raise InvalidInputError(f"{name}: expected a path, got {value!r:.80}")
+    return Path(text)
 
 
 def read_only(value: ArrayLike) -> Array:
