@@ -125,7 +125,7 @@ class Animation:
             if ending == ".html":
                 temporary.write_text(self.html(), encoding="utf-8")
             else:
-                from hexakin.animation.frames import write_gif, write_mp4  # loads PyBullet
+                from hexakin.animation.frames import write_gif, write_mp4
 
                 write = write_gif if ending == ".gif" else write_mp4
                 write(temporary, self.scene, self.speed, frame_rate, size)

@@ -1,7 +1,7 @@
-"""Frames of a GIF or MP4 file: PyBullet's software renderer draws the scene, and forces and traces are added.
+"""Frames of a GIF or MP4 file: a picture of the scene for each instant, with forces, polygon, ZMP and traces.
 
-The renderer needs no display. Polygon, ZMP and traces lie on the ground: they are drawn only at the pixels that show
-ground, so that the robot hides them.
+Polygon, ZMP and traces lie on the ground: they are drawn only at the pixels that show ground, so that the robot hides
+them.
 """
 
 from __future__ import annotations
@@ -12,24 +12,22 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from scipy.spatial.transform import Rotation
 
+from hexakin.animation.renderer import Camera, box, looking_at, picture, sphere
 from hexakin.animation.scene import ARROW, EDGE, FIELD_OF_VIEW, Part, Scene
 from hexakin.checks import Array
-from hexakin.engines.pybullet_engine import pybullet
 from hexakin.exceptions import MissingPackageError, SimulationError
 from hexakin.figures.style import GREEN, LEG_COLOURS, ORANGE, RED
+from hexakin.transforms import transform_points
 
 _FINER = 1.5  # rendered pixels per pixel shown, along each side, for smooth edges; 2 takes twice as long
 _LINE = 3  # [rendered px], width of traces and arrows
-_LIGHT = {"lightAmbientCoeff": 0.55, "lightDiffuseCoeff": 0.5, "lightSpecularCoeff": 0.02, "lightDistance": 5.0}
-_BACKGROUND = (226, 234, 241)
+_NEAREST = 0.05  # share of the camera's distance; lines that come closer to the camera's plane are not drawn
+_BACKGROUND = np.array([0.886, 0.918, 0.945])
 
 
 def instants(scene: Scene, speed: float, frame_rate: float) -> list[int]:
@@ -97,135 +95,95 @@ def _encoder() -> str:
 def _images(scene: Scene, chosen: list[int], size: tuple[int, int]) -> Iterator[Image.Image]:
     """Yield the pictures of the chosen keyframes."""
     stage = _Stage(scene, (round(_FINER * size[0]), round(_FINER * size[1])))
-    try:
-        for k in chosen:
-            yield stage.picture(k).resize(size, Image.Resampling.HAMMING)
-    finally:
-        stage.close()
+    for k in chosen:
+        yield stage.picture(k).resize(size, Image.Resampling.HAMMING)
 
 
 class _Stage:
-    """A PyBullet world without physics. Its first bodies are the ground, and the robot's parts follow."""
+    """The triangles of the ground and of the robot's parts, which move from picture to picture."""
 
     def __init__(self, scene: Scene, size: tuple[int, int]):
         self._scene, self._size = scene, size
-        self._client = pybullet.connect(pybullet.DIRECT)
-        try:
-            for surface in scene.surfaces:
-                self._body(
-                    surface.colour,
-                    shapeType=pybullet.GEOM_MESH,
-                    vertices=surface.vertices.tolist(),
-                    indices=surface.triangles.ravel().tolist(),
-                    normals=_normals(surface.vertices, surface.triangles).tolist(),
-                )
-            self._parts = [self._part(part) for part in scene.parts]
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        pybullet.disconnect(physicsClientId=self._client)
-
-    def _body(self, colour: str, **shape: Any) -> int:
-        visual = pybullet.createVisualShape(rgbaColor=[*to_rgb(colour), 1.0], physicsClientId=self._client, **shape)
-        return pybullet.createMultiBody(baseVisualShapeIndex=visual, physicsClientId=self._client)
-
-    def _part(self, part: Part) -> int:
-        if part.kind == "sphere":
-            return self._body(part.colour, shapeType=pybullet.GEOM_SPHERE, radius=part.size[0] / 2.0)
-        return self._body(part.colour, shapeType=pybullet.GEOM_BOX, halfExtents=(part.size / 2.0).tolist())
+        ground = [surface.vertices[surface.triangles] for surface in scene.surfaces]
+        self._ground = np.concatenate([*ground, np.empty((0, 3, 3))])
+        self._parts = [box(part.size) if part.kind == "box" else sphere(part.size[0]) for part in scene.parts]
+        colour = [surface.colour for surface in scene.surfaces] + [part.colour for part in scene.parts]
+        counts = [len(triangles) for triangles in (*ground, *self._parts)]
+        self._colours = np.repeat([to_rgb(name) for name in colour], counts, axis=0)
+        self._moves = np.arange(len(self._colours)) >= len(self._ground)
 
     def picture(self, k: int) -> Image.Image:
         """Return the picture of keyframe k."""
-        scene, (width, height) = self._scene, self._size
-        for part, body in zip(scene.parts, self._parts, strict=True):
-            T = scene.T_world_body[k]
-            if part.node is not None:
-                T = T @ scene.T_body_segment[k, part.node[0], part.node[1]]
-            T = T @ part.T_node_part
-            quat_xyzw = Rotation.from_matrix(T[:3, :3]).as_quat()
-            pybullet.resetBasePositionAndOrientation(
-                body, T[:3, 3].tolist(), quat_xyzw.tolist(), physicsClientId=self._client
-            )
-        center, far = scene.center[k], 10.0 * float(np.linalg.norm(scene.eye))
-        view = pybullet.computeViewMatrix((center + scene.eye).tolist(), center.tolist(), [0.0, 0.0, 1.0])
-        lens = pybullet.computeProjectionMatrixFOV(FIELD_OF_VIEW, width / height, far / 500.0, far)
-        _, _, colours, _, mask = pybullet.getCameraImage(
-            width,
-            height,
-            view,
-            lens,
-            lightDirection=[0.6, -0.4, 2.0],
-            shadow=1,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
-            **_LIGHT,
-        )
-        image = np.asarray(colours, dtype=np.uint8).reshape(height, width, 4)[..., :3].copy()
-        ids = np.asarray(mask).reshape(height, width)
-        image[ids < 0] = _BACKGROUND
-        camera = np.reshape(lens, (4, 4), order="F") @ np.reshape(view, (4, 4), order="F")
-        picture, on_ground = Image.fromarray(image), Image.fromarray(ids < (self._parts[0]))
-        flat = picture.copy()
+        scene = self._scene
+        placed = [
+            transform_points(self._pose(k, part), corners.reshape(-1, 3)).reshape(-1, 3, 3)
+            for part, corners in zip(scene.parts, self._parts, strict=True)
+        ]
+        corners = np.concatenate([self._ground, *placed])
+        camera = looking_at(scene.center[k], scene.center[k] + scene.eye, np.radians(FIELD_OF_VIEW), self._size)
+        image, triangle = picture(camera, corners, self._colours, self._moves, _BACKGROUND)
+        shown, on_ground = Image.fromarray(image), Image.fromarray(triangle < len(self._ground))
+        flat = shown.copy()
         self._draw_on_ground(ImageDraw.Draw(flat, "RGBA"), k, camera)
-        picture.paste(flat, mask=on_ground)
-        self._draw_over(ImageDraw.Draw(picture, "RGBA"), k, camera)
-        return picture
+        shown.paste(flat, mask=on_ground)
+        self._draw_over(ImageDraw.Draw(shown, "RGBA"), k, camera)
+        return shown
 
-    def _pixels(self, points: Array, camera: Array) -> list[tuple[float, float]]:
-        """Return the places (k, 2) [px] of points (k, 3) [m]."""
-        p = np.column_stack([points, np.ones(len(points))]) @ camera.T
-        place = (p[:, :2] / p[:, 3:] * [0.5, -0.5] + 0.5) * self._size
-        return [(float(x), float(y)) for x, y in place]
+    def _pose(self, k: int, part: Part) -> Array:
+        T = self._scene.T_world_body[k]
+        if part.node is not None:
+            T = T @ self._scene.T_body_segment[k, part.node[0], part.node[1]]
+        return T @ part.T_node_part
 
-    def _draw_on_ground(self, draw: ImageDraw.ImageDraw, k: int, camera: Array) -> None:
+    def _lines(self, points: Array, camera: Camera) -> list[list[tuple[float, float]]]:
+        """Return the lines through points (k, 3) [m], as places [px]: one for each run of points before the camera."""
+        x, y, z = camera.local(points).T
+        before = z > _NEAREST * float(np.linalg.norm(self._scene.eye))
+        runs = np.split(np.arange(len(z)), np.flatnonzero(np.diff(before)) + 1)
+        middle = 0.5 * np.array(self._size)
+        places = [middle + np.column_stack([x[run], y[run]]) / z[run, None] for run in runs if before[run[0]]]
+        return [[(float(u), float(v)) for u, v in place] for place in places]
+
+    def _draw_on_ground(self, draw: ImageDraw.ImageDraw, k: int, camera: Camera) -> None:
         scene, thick = self._scene, _LINE
         polygon = None if scene.polygon is None else scene.polygon[k]
         if polygon is not None:
-            corners = self._pixels(polygon, camera)
-            draw.polygon(corners, fill=_rgba(ORANGE, 0.35))
-            draw.line([*corners, corners[0]], fill=_rgba(EDGE, 0.9), width=thick // 2)
+            for edge in self._lines(polygon[[*range(len(polygon)), 0]], camera):
+                if len(edge) > len(polygon):
+                    draw.polygon(edge, fill=_rgba(ORANGE, 0.35))
+                draw.line(edge, fill=_rgba(EDGE, 0.9), width=thick // 2)
         for leg in range(scene.robot.num_legs):
             colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
             if scene.ground_path is not None:
-                draw.line(self._pixels(scene.ground_path[:, leg], camera), fill=_rgba(colour, 0.6), width=thick // 2)
-            if scene.traces and k > 0:
-                draw.line(self._pixels(scene.p_foot[: k + 1, leg], camera), fill=_rgba(colour, 1.0), width=thick)
+                for line in self._lines(scene.ground_path[:, leg], camera):
+                    draw.line(line, fill=_rgba(colour, 0.6), width=thick // 2)
+            if scene.traces:
+                for line in self._lines(scene.p_foot[: k + 1, leg], camera):
+                    draw.line(line, fill=_rgba(colour, 1.0), width=thick)
         if scene.zmp is not None and np.isfinite(scene.zmp[k]).all():
             self._dot(draw, scene.zmp[k], _rgba(GREEN, 1.0), 3 * thick, camera)
 
-    def _draw_over(self, draw: ImageDraw.ImageDraw, k: int, camera: Array) -> None:
+    def _draw_over(self, draw: ImageDraw.ImageDraw, k: int, camera: Camera) -> None:
         scene, thick = self._scene, _LINE
         for leg in range(scene.robot.num_legs):
             if scene.held[k, leg]:
                 self._dot(draw, scene.p_target[k, leg], _rgba(RED, 0.7), 4 * thick, camera)
             if scene.force is not None and scene.force[k, leg] > 0.0:
                 along = scene.force[k, leg] / scene.newtons_per_metre * scene.normal[k, leg]
-                foot, tip = np.array(self._pixels(scene.p_contact[k, leg] + np.outer([0.0, 1.0], along), camera))
-                way = (tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-9) * 2.5 * thick
-                side = 0.5 * np.array([-way[1], way[0]])
-                draw.line([*foot, *tip], fill=_rgba(ARROW, 0.9), width=thick + 1)
-                draw.polygon([tuple(tip + way), tuple(tip + side), tuple(tip - side)], fill=_rgba(ARROW, 0.9))
+                arrow = self._lines(scene.p_contact[k, leg] + np.outer([0.0, 1.0], along), camera)
+                for foot, tip in (np.array(line) for line in arrow if len(line) == 2):
+                    way = (tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-9) * 2.5 * thick
+                    side = 0.5 * np.array([-way[1], way[0]])
+                    draw.line([*foot, *tip], fill=_rgba(ARROW, 0.9), width=thick + 1)
+                    draw.polygon([tuple(tip + way), tuple(tip + side), tuple(tip - side)], fill=_rgba(ARROW, 0.9))
 
-    def _dot(self, draw: ImageDraw.ImageDraw, p: Array, colour: tuple[int, ...], radius: int, camera: Array) -> None:
-        ((x, y),) = self._pixels(p[None], camera)
-        draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=colour)
+    def _dot(self, draw: ImageDraw.ImageDraw, p: Array, colour: tuple[int, ...], radius: int, camera: Camera) -> None:
+        for ((x, y),) in self._lines(p[None], camera):
+            draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=colour)
 
 
 def _rgba(colour: str, opacity: float) -> tuple[int, ...]:
     return tuple(round(255 * share) for share in (*to_rgb(colour), opacity))
-
-
-def _normals(vertices: Array, triangles: NDArray[np.int_]) -> Array:
-    """Return the unit normal (v, 3) at each vertex: the normal of its face, since faces do not share vertices."""
-    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    result = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    for corner in range(3):
-        result[triangles[:, corner]] = normal
-    return result
 
 
 __all__ = ["instants", "write_gif", "write_mp4"]
