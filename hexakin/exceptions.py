@@ -46,12 +46,20 @@ class MissingPackageError(HexakinError, ImportError):
     """A feature needs an optional package that is not installed.
 
     ``package`` is the name of the package (kept as an attribute), ``feature`` what needs it, ``install`` the command
-    that installs it.
+    that installs it, and ``instead`` what can be done without it. An empty ``install`` says that there is no package
+    for this Python and platform.
     """
 
-    def __init__(self, package: str, feature: str, install: str):
+    def __init__(self, package: str, feature: str, install: str, instead: str = ""):
         self.package = package
-        super().__init__(f"{feature} needs the package {package!r}; install it with: {install}")
+        missing = f"install it with: {install}" if install else f"there is none for {_python_and_platform()}"
+        super().__init__(f"{feature} needs the package {package!r}; {missing}" + (f"; or {instead}" if instead else ""))
+
+
+def _python_and_platform() -> str:
+    import platform  # here, since importing hexakin is to take no time
+
+    return f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
 
 
 class NoClosedFormError(HexakinError):

@@ -29,7 +29,7 @@ def versions(packages: Iterable[str] = ()) -> dict[str, str]:
 
     found = {"python": platform.python_version(), "hexakin": __version__}
     for name in packages:
-        with contextlib.suppress(metadata.PackageNotFoundError, KeyError, OSError):
+        with contextlib.suppress(Exception):  # damaged metadata may raise any error, and no result is worth less for it
             found[name] = metadata.version(name) or "unknown"
     return found
 

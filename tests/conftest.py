@@ -1,3 +1,4 @@
+import importlib.util
 import os
 import signal
 import sys
@@ -14,6 +15,17 @@ os.environ.pop("NUMBA_CACHE_DIR", None)
 
 if sys.__stdin__ is None:  # it is closed, and IPython asks for its encoding
     sys.__stdin__ = open(os.devnull, encoding="utf-8")
+
+
+def pytest_collection_modifyitems(items):
+    """Without PyBullet, skip the tests that are marked with its name, or that have its name as a parameter."""
+    if importlib.util.find_spec("pybullet") is not None:
+        return
+    skipped = pytest.mark.skip(reason="PyBullet is not installed")
+    for item in items:
+        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        if item.get_closest_marker("pybullet") or any(isinstance(v, str) and v == "pybullet" for v in values):
+            item.add_marker(skipped)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.engines.pybullet_engine import GRAVITY, PyBulletEngine
+from hexakin.engines import engine_class
 from hexakin.exceptions import InvalidInputError
 from hexakin.simulation.closed_loop import starting_pose
 from hexakin.terrain import Blocks, Box, HalfSpace
@@ -201,6 +201,7 @@ def test_impossible_blocks_are_refused_by_name(arguments, message):
         Blocks(**arguments)
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("size", SIZES)
 def test_pybullet_sees_the_same_heights(athena, size, rng):
     """Bullet rounds the edges of its boxes by up to 0.4 mm for rays; 1 mm from every edge it agrees."""
@@ -212,22 +213,23 @@ def test_pybullet_sees_the_same_heights(athena, size, rng):
         axis=1
     )
     top = np.column_stack([x, y, np.full(5000, 0.5)])[far]
-    with PyBulletEngine(athena, blocks) as engine:
+    with engine_class("pybullet")(athena, blocks) as engine:
         engine.place(hk.transforms.pose(np.eye(3), [0, 0, 5.0]), athena.standing_q)
         hits = pybullet.rayTestBatch(top.tolist(), (top - [0, 0, 1.0]).tolist(), physicsClientId=engine._client)
     assert len(top) > 4500
     assert [hit[3][2] for hit in hits] == pytest.approx(blocks.height(top[:, 0], top[:, 1]), abs=2e-6)
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("size", SIZES)
 def test_athena_stands_still_on_blocks_and_its_feet_carry_its_weight(athena, size):
     blocks, q = Blocks(size=size), athena.standing_q
-    with PyBulletEngine(athena, blocks) as engine:
+    with engine_class("pybullet")(athena, blocks) as engine:
         engine.place(starting_pose(athena, blocks, q), q)
         engine.advance(q, 1000)
         readings = [engine.advance(q, 500) for _ in range(4)]
     for reading in readings:
-        assert reading.foot_force.sum() == pytest.approx(athena.mass * GRAVITY, rel=0.01)
+        assert reading.foot_force.sum() == pytest.approx(athena.weight, rel=0.01)
         assert (reading.foot_force > 0.0).all() and reading.torso_force == reading.limb_force == 0.0
     places = np.array([reading.T_world_body[:3, 3] for reading in readings])
     assert np.linalg.norm(places - places[0], axis=1).max() < 1e-3

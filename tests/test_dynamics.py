@@ -2,7 +2,6 @@
 
 import numpy as np
 import pinocchio as pin
-import pybullet
 import pytest
 
 import hexakin as hk
@@ -84,8 +83,11 @@ def test_the_mass_matrix_is_the_urdfs():
     assert dynamics.mass_matrix(robot, configuration) == pytest.approx(np.triu(M) + np.triu(M, 1).T, abs=1e-12)
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("name", ["athena", "athena_physical"])
 def test_pybullet_has_the_same_mass_matrix_and_inverse_dynamics(name, tmp_path, rng):
+    import pybullet
+
     robot = hk.load_robot(name)
     path = tmp_path / "robot.urdf"
     path.write_text(hk.urdf.to_urdf(robot))

@@ -32,8 +32,12 @@ def test_kinematics_of_a_shipped_robot_load_no_heavy_package():
 
 def test_a_simulation_loads_only_its_engine():
     assert loaded_after("from hexakin.simulation import simulate\nfrom hexakin import PostureController") == []
-    assert loaded_after("import hexakin.engines.pybullet_engine") == ["pybullet"]
     assert loaded_after("import hexakin.engines.rigid_engine") == ["pinocchio", "numba"]
+
+
+@pytest.mark.pybullet
+def test_the_engine_pybullet_loads_only_its_package():
+    assert loaded_after("import hexakin.engines.pybullet_engine") == ["pybullet"]
 
 
 def test_drawing_loads_no_package_that_computes():
@@ -41,6 +45,7 @@ def test_drawing_loads_no_package_that_computes():
         assert not {"casadi", "sympy", "pinocchio", "pybullet", "numba"} & set(loaded_after(f"import hexakin.{name}"))
 
 
+@pytest.mark.pybullet
 def test_importing_the_engine_prints_nothing():
     done = subprocess.run(
         [sys.executable, "-c", "import hexakin.engines.pybullet_engine"], capture_output=True, check=True
@@ -66,14 +71,3 @@ def test_errors_come_back_whole_from_a_worker_process():
     for error in errors:
         copy = pickle.loads(pickle.dumps(error))
         assert type(copy) is type(error) and str(copy) == str(error) and copy.__dict__ == error.__dict__
-
-
-def test_a_missing_pybullet_is_named():
-    script = (
-        "import sys\nsys.modules['pybullet'] = None\n"
-        "from hexakin.engines import engine_class\n"
-        "from hexakin.exceptions import MissingPackageError\n"
-        "try:\n    engine_class('pybullet')\nexcept MissingPackageError as error:\n    print(error)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert "needs the package 'pybullet'" in done.stdout

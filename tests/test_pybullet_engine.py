@@ -5,10 +5,16 @@ import pytest
 
 import hexakin as hk
 from hexakin.engines import engine_class
-from hexakin.engines.pybullet_engine import GRAVITY, PyBulletEngine
 from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.robot.model import GRAVITY
 from hexakin.simulation.closed_loop import starting_pose, torso_height
 from hexakin.transforms import pose
+
+pytestmark = pytest.mark.pybullet
+
+
+def bullet(*arguments, **options):
+    return engine_class("pybullet")(*arguments, **options)
 
 
 def lopsided(tree):
@@ -21,7 +27,7 @@ def lopsided(tree):
 def standing(athena):
     """Readings over ten seconds of standing on level ground, two a second, after one second of settling."""
     q, plane = athena.standing_q, hk.terrain.Plane()
-    with PyBulletEngine(athena, plane) as engine:
+    with bullet(athena, plane) as engine:
         engine.place(starting_pose(athena, plane, q), q)
         engine.advance(q, 1000)
         return [engine.advance(q, 500) for _ in range(21)]
@@ -50,7 +56,7 @@ def test_a_servo_closes_its_error_at_its_rate(athena):
     """In free fall the legs carry no load: the error falls by exp(-rate t)."""
     q = athena.standing_q
     target = q + [0.0, 0.1, 0.0]
-    with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
+    with bullet(athena, hk.terrain.Plane()) as engine:
         engine.place(pose(np.eye(3), [0, 0, 5.0]), q)
         reading = engine.advance(target, 50)
     error = target[:, 1] - reading.q[:, 1]
@@ -58,7 +64,7 @@ def test_a_servo_closes_its_error_at_its_rate(athena):
 
 
 def test_a_falling_robot_accelerates_by_gravity(athena):
-    with PyBulletEngine(athena, hk.terrain.Plane()) as engine:
+    with bullet(athena, hk.terrain.Plane()) as engine:
         engine.place(pose(np.eye(3), [0, 0, 5.0]), athena.standing_q)
         reading = engine.advance(athena.standing_q, 200)
     assert reading.body_velocity == pytest.approx([0, 0, -GRAVITY * 0.2], abs=1e-6)
@@ -69,7 +75,7 @@ def test_a_falling_robot_accelerates_by_gravity(athena):
 def test_a_robot_on_a_slope_holds_up_to_the_friction_angle(athena, slope_deg, holds):
     """Friction 0.9 holds up to atan(0.9) = 42 degrees; joints are held, so that only the feet can give."""
     ramp, q = hk.terrain.Ramp(slope=np.radians(slope_deg)), athena.standing_q
-    with PyBulletEngine(athena, ramp) as engine:
+    with bullet(athena, ramp) as engine:
         engine.place(starting_pose(athena, ramp, q), q)
         before = engine.advance(q, 500).T_world_body[:3, 3]
         after = engine.advance(q, 500).T_world_body[:3, 3]
@@ -83,7 +89,7 @@ def test_servo_torques_keep_their_limit(short_walk, athena):
 def test_readings_place_the_body_frame_not_its_centre_of_mass(edited):
     robot = edited("athena", lopsided)
     T = pose(hk.transforms.axis_rotation([0, 1, 0], 0.3), [1.0, 2.0, 3.0])
-    with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-6) as engine:
+    with bullet(robot, hk.terrain.Plane(), time_step=1e-6) as engine:
         engine.place(T, robot.standing_q)
         reading = engine.advance(robot.standing_q, 1)
     assert reading.T_world_body == pytest.approx(T, abs=1e-8)
@@ -97,7 +103,7 @@ def test_an_unknown_engine_is_named():
 @pytest.mark.parametrize("option", [{"time_step": 0.0}, {"friction": -1.0}, {"restitution": 2.0}])
 def test_impossible_options_are_named(athena, option):
     with pytest.raises(InvalidInputError, match=next(iter(option))):
-        PyBulletEngine(athena, hk.terrain.Plane(), **option)
+        bullet(athena, hk.terrain.Plane(), **option)
 
 
 def test_the_imu_turns_with_the_body_and_velocities_are_of_its_origin(edited):
@@ -107,7 +113,7 @@ def test_the_imu_turns_with_the_body_and_velocities_are_of_its_origin(edited):
     robot = edited("athena", lopsided)
     R = hk.transforms.rpy_rotation([0.4, -0.3, 1.1])
     omega_world = np.array([0.3, -0.8, 0.5])
-    with PyBulletEngine(robot, hk.terrain.Plane(), time_step=1e-5) as engine:
+    with bullet(robot, hk.terrain.Plane(), time_step=1e-5) as engine:
         engine.place(pose(R, [0.0, 0.0, 3.0]), robot.standing_q)
         pybullet.resetBaseVelocity(engine._body, [0.0] * 3, omega_world.tolist(), physicsClientId=engine._client)
         reading = engine.advance(robot.standing_q, 1)
@@ -118,7 +124,7 @@ def test_the_imu_turns_with_the_body_and_velocities_are_of_its_origin(edited):
 
 
 def drop(athena, q, height, steps=1000, **options):
-    with PyBulletEngine(athena, hk.terrain.Plane(), **options) as engine:
+    with bullet(athena, hk.terrain.Plane(), **options) as engine:
         engine.place(pose(np.eye(3), [0, 0, height]), q)
         return [engine.advance(q, 10) for _ in range(steps // 10)]
 
@@ -153,9 +159,9 @@ def test_a_failed_start_leaves_no_simulator_behind(athena):
     pybullet.disconnect(before)
     for _ in range(3):
         with pytest.raises(InvalidInputError, match="solver_iterations"):
-            PyBulletEngine(athena, hk.terrain.Plane(), solver_iterations=-5)
+            bullet(athena, hk.terrain.Plane(), solver_iterations=-5)
         with pytest.raises(InvalidInputError, match=r"foot\.radius"):
-            PyBulletEngine(hk.load_robot("hwr"), hk.terrain.Plane())
+            bullet(hk.load_robot("hwr"), hk.terrain.Plane())
     after = pybullet.connect(pybullet.DIRECT)
     pybullet.disconnect(after)
     assert after == before

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hexakin as hk
-from hexakin.engines.pybullet_engine import PyBulletEngine
+from hexakin.engines import engine_class
 from hexakin.engines.rigid_engine import RigidEngine
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.robot.model import GRAVITY
@@ -185,8 +185,9 @@ def test_a_foot_is_stopped_by_a_side_face(edited, athena):
     assert reached < wall + 1e-3
 
 
+@pytest.mark.pybullet
 def test_rigid_and_pybullet_agree_on_height_and_distance(athena, ramp_walk):
-    other = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), duration=8.0)
+    other = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), engine="pybullet", duration=8.0)
     assert np.median(ramp_walk.height) == pytest.approx(np.median(other.height), abs=2e-3)
     ours, theirs = (r.T_world_body[-1, :3, 3] - r.T_world_body[0, :3, 3] for r in (ramp_walk, other))
     assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(theirs), rel=0.1)
@@ -237,6 +238,7 @@ def test_the_papers_polyhedron_walks_too(athena, facets):
     assert np.median(recording.solver_residual) < 1e-8
 
 
+@pytest.mark.pybullet
 def test_robots_with_products_of_inertia_fall_and_stand_as_in_pybullet(edited):
     def lopsided(tree):
         tree["torso"]["center_of_mass_mm"] = [5, -10, 20]
@@ -244,7 +246,7 @@ def test_robots_with_products_of_inertia_fall_and_stand_as_in_pybullet(edited):
 
     robot = edited("athena", lopsided)
     force = standing(robot, hk.terrain.Plane()).advance(robot.standing_q, 100).foot_force
-    with PyBulletEngine(robot, hk.terrain.Plane()) as engine:
+    with engine_class("pybullet")(robot, hk.terrain.Plane()) as engine:
         engine.place(starting_pose(robot, hk.terrain.Plane(), robot.standing_q), robot.standing_q)
         engine.advance(robot.standing_q, 1000)
         other = engine.advance(robot.standing_q, 200).foot_force

@@ -1,5 +1,6 @@
 """The closed loop: determinism, what is recorded, the ramp's known results, bad arguments."""
 
+import importlib.util
 from importlib import metadata
 
 import numpy as np
@@ -29,12 +30,14 @@ def test_a_recording_has_a_row_for_every_tick_and_knows_what_made_it(short_walk)
     shapes = {"time": (n,), "T_world_body": (n, 4, 4), "q": (n, 6, 3), "foot_force": (n, 6), "stance": (n, 6)}
     assert {name: getattr(short_walk, name).shape for name in shapes} == shapes
     parameters = short_walk.parameters
-    assert parameters["engine"] == "pybullet"
+    with_pybullet = importlib.util.find_spec("pybullet") is not None
+    assert parameters["engine"] == ("pybullet" if with_pybullet else "rigid")
+    assert parameters["engine_choice"] == ("default" if with_pybullet else "default, because PyBullet is not installed")
     assert parameters["robot"]["legs"][0]["values"]["l_1"] == 0.06
     assert parameters["controller"]["k_z"] == 0.8
     assert (parameters["seed"], parameters["time_step"], parameters["friction"]) == (0, 0.005, 0.9)
     assert "Ramp(slope=0.17" in parameters["terrain"]
-    assert set(parameters["versions"]) >= {"hexakin", "numpy", "pybullet"}
+    assert set(parameters["versions"]) >= {"hexakin", "numpy"}
 
 
 def test_it_walks_up_the_ramp_on_its_feet(short_walk):
@@ -82,7 +85,11 @@ def test_nothing_sinks_when_phases_start_from_the_last_command(athena):
         ({"friction": float("nan")}, InvalidInputError, "friction: nan"),
         ({"control_rate": 0.0}, InvalidInputError, "control_rate"),
         ({"seed": -1}, InvalidInputError, "seed: -1"),
-        ({"gravity": 1.6}, UnknownNameError, "unknown option of engine 'pybullet' 'gravity'; known: time_step"),
+        (
+            {"engine": "rigid", "gravity": 1.6},
+            UnknownNameError,
+            "unknown option of engine 'rigid' 'gravity'; known: time_step",
+        ),
     ],
 )
 def test_bad_arguments_are_named(athena, arguments, error, message):
@@ -128,11 +135,12 @@ def test_a_controller_for_another_robot_of_the_same_name_is_refused(athena, edit
         hk.simulate(longer, hk.terrain.Plane(), hk.PostureController(athena))
 
 
+@pytest.mark.pybullet  # on rigid the robot gets stuck at the edge of this island
 def test_leaving_the_terrain_ends_the_simulation_by_name(athena):
     x, y = np.linspace(-0.4, 0.4, 9), np.linspace(-0.4, 0.3, 8)
     island = hk.terrain.HeightField(x, y, np.zeros((9, 8)))
     with pytest.raises(SimulationError, match=r"t = .* s: (the robot has left the terrain|no ground below)"):
-        hk.simulate(athena, island, hk.PostureController(athena), duration=30.0, time_step=0.005)
+        hk.simulate(athena, island, hk.PostureController(athena), engine="pybullet", duration=30.0, time_step=0.005)
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "rigid"])
@@ -172,9 +180,10 @@ def test_the_force_that_the_controller_reads_is_chosen_by_name(athena):
         hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), force_sampling="first")
 
 
-def test_a_walk_is_kept_where_a_version_cannot_be_read(athena, monkeypatch):
+@pytest.mark.parametrize("error", [metadata.PackageNotFoundError("numpy"), ValueError("the metadata is damaged")])
+def test_a_walk_is_kept_where_a_version_cannot_be_read(athena, monkeypatch, error):
     def unreadable(name):
-        raise metadata.PackageNotFoundError(name)
+        raise error
 
     monkeypatch.setattr(metadata, "version", unreadable)
     walk = hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), duration=0.1, settling_time=0.1)

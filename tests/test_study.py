@@ -214,7 +214,7 @@ def test_the_file_beside_the_table_says_what_made_it(seven):
     assert about["call"] == "counted.<locals>.trial() for all combinations of seed in 0..6"
     assert about["trial"] == "test_study:counted.<locals>.trial"
     assert about["versions"]["numpy"] == np.__version__
-    assert {"python", "hexakin", "scipy", "pin", "numba", "pybullet"} <= set(about["versions"])
+    assert {"python", "hexakin", "scipy", "pin", "numba"} <= set(about["versions"])
     assert len(about["code"]) == 12 and about["code"] == provenance(study.trial)["code"]
     (machine,) = about["machines"]
     assert machine["cores"] == os.cpu_count()

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pinocchio as pin
-import pybullet
 import pytest
 
 import hexakin as hk
@@ -13,7 +12,10 @@ def urdf(athena):
     return hk.urdf.to_urdf(athena)
 
 
+@pytest.mark.pybullet
 def test_foot_positions_agree_between_generated_code_pinocchio_and_pybullet(athena, urdf, tmp_path, rng):
+    import pybullet
+
     model = pin.buildModelFromXML(urdf)
     data = model.createData()
     path = tmp_path / "athena.urdf"
@@ -46,7 +48,10 @@ def test_foot_positions_agree_between_generated_code_pinocchio_and_pybullet(athe
         pybullet.disconnect(client)
 
 
+@pytest.mark.pybullet
 def test_masses_and_inertias_arrive_in_both_engines(athena, urdf, tmp_path):
+    import pybullet
+
     model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
     assert sum(inertia.mass for inertia in model.inertias) == pytest.approx(2.1334, abs=1e-12)
     assert model.nv == 24

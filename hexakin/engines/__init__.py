@@ -6,6 +6,7 @@ The Python package of an engine is imported only when its class is requested.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 
 from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import UnknownNameError
@@ -16,7 +17,15 @@ ENGINES = {
 }
 """The engines by name: (module, class) of each."""
 
-__all__ = ["ENGINES", "Engine", "Reading", "TorqueLaw", "engine_class"]
+__all__ = ["ENGINES", "Engine", "Reading", "TorqueLaw", "default_engine", "engine_class"]
+
+
+def default_engine() -> str:
+    """Return the name of the engine that is used where none is named: "pybullet" if PyBullet is installed, or "rigid".
+
+    PyBullet has no wheels for some versions of Python and some platforms; hexakin's own engine runs on all of them.
+    """
+    return "rigid" if importlib.util.find_spec("pybullet") is None else "pybullet"
 
 
 def engine_class(name: str) -> type[Engine]:

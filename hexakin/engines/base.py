@@ -86,7 +86,7 @@ class Reading(NamedTuple):
 class Engine(ABC):
     """A robot with servo-driven joints on a terrain, in a simulator; to be used as a context manager.
 
-    ``packages`` are the names of the Python packages whose versions are stored in a recording.
+    ``packages`` are the names of the Python packages whose versions are stored in a recording, if they are installed.
     """
 
     packages: tuple[str, ...] = ()

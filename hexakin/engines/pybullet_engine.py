@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import platform
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,12 +42,26 @@ def _quiet_import() -> Iterator[None]:
             os.close(copy)
 
 
+def wheel(python: tuple[int, int], system: str, machine: str) -> str:
+    """Return the name of the package on PyPI that has PyBullet as a wheel; empty if there is none.
+
+    ``python`` is the version (major, minor), ``system`` and ``machine`` are those of the module platform. The fork
+    pybullet-arm64 has the same sources and the same module, and wheels for more versions and platforms.
+    """
+    intel = machine.lower() in ("x86_64", "amd64")
+    if (python, system, intel) == ((3, 11), "Linux", True):
+        return "pybullet"
+    forked = {"Linux": intel, "Windows": intel, "Darwin": not intel or python < (3, 13)}
+    return "pybullet-arm64" if (3, 11) <= python <= (3, 13) and forked.get(system, False) else ""
+
+
 try:
     with _quiet_import():
         import pybullet
 except ImportError as error:
+    _wheel = wheel(sys.version_info[:2], platform.system(), platform.machine())
     raise MissingPackageError(
-        "pybullet", 'engine "pybullet"', "pip install pybullet (wheels up to CPython 3.11)"
+        "pybullet", 'engine "pybullet"', f"pip install {_wheel}" if _wheel else "", 'use engine="rigid"'
     ) from error
 
 
@@ -64,7 +80,7 @@ class PyBulletEngine(Engine):
     range and UnknownNameError for an unknown ``friction_model``.
     """
 
-    packages = ("pybullet",)
+    packages = ("pybullet", "pybullet-arm64")  # one of them is installed
 
     def __init__(
         self,

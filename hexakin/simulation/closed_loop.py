@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller
-from hexakin.engines import Engine, Reading, TorqueLaw, engine_class
+from hexakin.engines import Engine, Reading, TorqueLaw, default_engine, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
@@ -28,7 +28,7 @@ def simulate(
     terrain: Terrain,
     controller: Controller,
     *,
-    engine: str = "pybullet",
+    engine: str | None = None,
     duration: float = 50.0,
     max_cycles: int | None = None,
     time_step: float = 0.001,
@@ -48,10 +48,10 @@ def simulate(
     hold the angles at the start; after ``settling_time`` the controller commands the joints. Equal arguments give equal
     recordings.
 
-    Raises UnknownNameError for an unknown engine, engine option, ``force_sampling`` or terrain; InvalidInputError for a
-    number, controller or command that cannot be used; JointLimitError, which names the leg, if a given angle at the
-    start is beyond its limit; SimulationError if the state is no longer finite or the robot leaves the terrain or turns
-    over.
+    Raises UnknownNameError for an unknown engine, engine option, ``force_sampling`` or terrain; MissingPackageError if
+    the package of the engine is not installed; InvalidInputError for a number, controller or command that cannot be
+    used; JointLimitError, which names the leg, if a given angle at the start is beyond its limit; SimulationError if
+    the state is no longer finite or the robot leaves the terrain or turns over.
 
     Parameters
     ----------
@@ -62,7 +62,8 @@ def simulate(
     controller
         A controller that was made for this robot.
     engine
-        ``"pybullet"`` or ``"rigid"``.
+        ``"pybullet"`` or ``"rigid"``. None means ``"pybullet"`` where PyBullet is installed, and ``"rigid"`` elsewhere;
+        ``parameters["engine_choice"]`` of the recording says which case it was.
     duration
         Duration [s] of the walk, without settling.
     max_cycles
@@ -110,11 +111,12 @@ def simulate(
     rng = np.random.default_rng(seed)
     pose_at_start = _angles_at_start(robot, q_start)
     q = np.clip(pose_at_start + rng.uniform(-perturbation, perturbation, pose_at_start.shape), robot.q_min, robot.q_max)
-    make_engine = engine_class(engine)
+    used = default_engine() if engine is None else engine
+    make_engine = engine_class(used)
     known_options = list(inspect.signature(make_engine).parameters)[2:]
-    for name in engine_options:
-        if name not in known_options:
-            raise UnknownNameError(f"option of engine {engine!r}", name, known_options)
+    for option in engine_options:
+        if option not in known_options:
+            raise UnknownNameError(f"option of engine {used!r}", option, known_options)
     options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
     with make_engine(robot, terrain, **options) as simulator:
         simulator.place(starting_pose(robot, terrain, q), q)
@@ -128,7 +130,8 @@ def simulate(
         "terrain": repr(terrain),
         "controller": controller_parameters,
         "phases_per_cycle": controller.phases_per_cycle,
-        "engine": engine,
+        "engine": used,
+        "engine_choice": _engine_choice(engine, used),
         **options,
         "duration": duration,
         "max_cycles": max_cycles,
@@ -141,6 +144,13 @@ def simulate(
         "versions": versions(["numpy", *make_engine.packages]),
     }
     return _recording(robot, rows, control_rate, parameters)
+
+
+def _engine_choice(given: str | None, used: str) -> str:
+    """Return the reason why the engine ``used`` simulates, for the recording."""
+    if given is not None:
+        return "given"
+    return "default" if used == "pybullet" else "default, because PyBullet is not installed"
 
 
 def starting_pose(robot: Robot, terrain: Terrain, q: Array) -> Array:

@@ -17,8 +17,8 @@ from hexakin.study.tables import Scalar
 
 Trial = Callable[..., Mapping[str, Any]]
 
-PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet")
-"""Packages that a result may depend on; their versions are stored with it."""
+PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet", "pybullet-arm64")
+"""Packages that a result may depend on; the versions of those that are installed are stored with it."""
 
 _RUNNER = __name__.rpartition(".")[0]
 """The package that calls a trial and stores its result; the result does not depend on it."""
