@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses
+from hexakin.checks import Array, check_array, check_poses, checked
 from hexakin.exceptions import InvalidInputError, MissingPackageError
 from hexakin.robot.leg_table import NUM_JOINTS
-from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot, check_robot
+from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot
 
 try:
     import coal  # noqa: F401 (for the rigid engine)
@@ -39,6 +39,7 @@ class Energies(NamedTuple):
     potential: float
 
 
+@checked
 @lru_cache(maxsize=32)
 def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
     """Return the Pinocchio model of ``robot``: free flyer ``torso``, joints ``<name>_i``, frames ``foot_i``, i from 1.
@@ -47,7 +48,6 @@ def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
     24 joints). Without them the foot is fixed to the tibia, as in A's simulations. The model is shared by all callers:
     do not change it.
     """
-    check_robot(robot)
     model = pin.Model()
     model.name = robot.name
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
@@ -70,6 +70,7 @@ def build_model(robot: Robot, foot_springs: bool = False) -> pin.Model:
     return model
 
 
+@checked
 def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
     """Return the configuration (7 + 3 L,) [m, rad]: base position, base quaternion xyzw, joint angles leg by leg.
 
@@ -80,6 +81,7 @@ def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
     return np.concatenate([pin.SE3ToXYZQUAT(pin.SE3(T)), angles.ravel()])
 
 
+@checked
 def mass_matrix(robot: Robot, configuration: ArrayLike) -> Array:
     """Return the mass matrix M (6 + 3 L, 6 + 3 L) [kg, kg m, kg m^2] at ``configuration`` (7 + 3 L,) [m, rad]."""
     model, data, q = _prepared(robot, configuration)
@@ -87,6 +89,7 @@ def mass_matrix(robot: Robot, configuration: ArrayLike) -> Array:
     return np.triu(data.M) + np.triu(data.M, 1).T
 
 
+@checked
 def bias(robot: Robot, configuration: ArrayLike, velocity: ArrayLike) -> Array:
     """Return the Coriolis, centrifugal and gravity terms C + g (6 + 3 L,) [N, N m] of A(1), completed (A-E5).
 
@@ -96,6 +99,7 @@ def bias(robot: Robot, configuration: ArrayLike, velocity: ArrayLike) -> Array:
     return pin.nonLinearEffects(model, data, q, _velocity(model, velocity)).copy()
 
 
+@checked
 def gravity(robot: Robot, configuration: ArrayLike) -> Array:
     """Return the gravity term g (6 + 3 L,) [N, N m], the generalised force that holds the robot at rest.
 
@@ -105,12 +109,14 @@ def gravity(robot: Robot, configuration: ArrayLike) -> Array:
     return pin.computeGeneralizedGravity(model, data, q).copy()
 
 
+@checked
 def center_of_mass(robot: Robot, configuration: ArrayLike) -> Array:
     """Return the centre of mass (3,) [m] of the whole robot in the world, at ``configuration`` (7 + 3 L,) [m, rad]."""
     model, data, q = _prepared(robot, configuration)
     return pin.centerOfMass(model, data, q).copy()
 
 
+@checked
 def inverse_dynamics(robot: Robot, configuration: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
     """Return the generalised force M a + C + g (6 + 3 L,) [N, N m] that causes an acceleration a.
 
@@ -122,6 +128,7 @@ def inverse_dynamics(robot: Robot, configuration: ArrayLike, velocity: ArrayLike
     return pin.rnea(model, data, q, _velocity(model, velocity), a).copy()
 
 
+@checked
 def foot_jacobians(robot: Robot, configuration: ArrayLike) -> Array:
     """Return the Jacobians (L, 3, 6 + 3 L) [1, m] of the foot centres at ``configuration`` (7 + 3 L,) [m, rad].
 
@@ -135,6 +142,7 @@ def foot_jacobians(robot: Robot, configuration: ArrayLike) -> Array:
     return np.array([pin.getFrameJacobian(model, data, frame, aligned)[:3] for frame in frames])
 
 
+@checked
 def delassus(robot: Robot, configuration: ArrayLike) -> Array:
     """Return the Delassus matrix J M^-1 J^T (3 L, 3 L) [1/kg] of the foot centres, in world axes.
 
@@ -144,6 +152,7 @@ def delassus(robot: Robot, configuration: ArrayLike) -> Array:
     return J @ np.linalg.solve(mass_matrix(robot, configuration), J.T)
 
 
+@checked
 def energies(robot: Robot, configuration: ArrayLike, velocity: ArrayLike) -> Energies:
     """Return the kinetic and potential energy [J].
 
@@ -167,6 +176,7 @@ class MaximalModel(NamedTuple):
     jacobian: Array
 
 
+@checked
 def maximal_model(robot: Robot, configuration: ArrayLike) -> MaximalModel:
     """Return mass matrix M and Jacobian J of the separate bodies of A(1): 25 for six legs, since feet are separate.
 

@@ -6,6 +6,19 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
+_LONGEST = 80  # characters of a value in a message
+
+
+def shown(value: object) -> str:
+    """Return ``value`` in one line of at most 80 characters, for a message; a long array by its shape and type."""
+    try:
+        if type(value).__name__ == "ndarray" and getattr(value, "size", 0) > 4:
+            return f"an array {getattr(value, 'shape', '')} of {getattr(value, 'dtype', '')}"
+        text = " ".join(repr(value).split())
+    except Exception:  # an object may raise anything; Python refuses to write integers of thousands of digits
+        return f"a value of type {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
 
 class HexakinError(Exception):
     """Base of every error that hexakin raises on purpose."""
@@ -39,7 +52,7 @@ class UnknownNameError(HexakinError, LookupError):
 
     def __init__(self, kind: str, name: object, known: list[str]):
         self.kind, self.name, self.known = kind, name, known
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(known)}")
+        super().__init__(f"unknown {kind} {shown(name)}; known: {', '.join(known)}")
 
 
 class MissingPackageError(HexakinError, ImportError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 
 
 def cross_matrix(vector: ArrayLike) -> Array:
@@ -20,6 +20,7 @@ def cross_matrix(vector: ArrayLike) -> Array:
     return matrix
 
 
+@checked
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     """Return the rotation matrix (3, 3) by ``angle`` [rad] about ``axis`` (3,), a unit vector (Rodrigues' formula)."""
     cross = cross_matrix(axis)

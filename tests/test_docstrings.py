@@ -2,15 +2,14 @@
 
 import ast
 import dataclasses
-import importlib
 import inspect
 import itertools
 import re
 import textwrap
 
 import pytest
+from public_objects import public_objects
 
-import hexakin as hk
 from hexakin import exceptions, installation
 
 ERRORS = {name for name, value in vars(exceptions).items() if isinstance(value, type)} - {"HexakinError"}
@@ -26,30 +25,6 @@ UNIT = re.compile(
 SOURCED = {"kinematics", "walking", "control", "contact", "stability", "feasibility", "dynamics", "engines"}
 SOURCE = re.compile(r"\b[AB](\(\d| Fig| Table| section| Step)|\b(18|19|20)\d\d\b|\bhexakin's own\b")
 PLAIN = {"self", "cls", "args", "kwargs", "options", "engine_options", "unsaid"}
-
-
-def public_objects():
-    """Functions and classes, with their full names, of the public table and of all that public modules offer."""
-    found = {}
-    for place in hk.PUBLIC.values():
-        module_name, _, attribute = place.partition(":")
-        module = importlib.import_module(module_name)
-        names = [attribute] if attribute else getattr(module, "__all__", None)
-        if names is None:
-            names = [
-                n
-                for n, v in vars(module).items()
-                if not n.startswith("_") and getattr(v, "__module__", "") == module_name
-            ]
-        for name in names:
-            value = getattr(module, name)
-            if (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__.startswith("hexakin"):
-                found[f"{value.__module__}.{value.__qualname__}"] = value
-                if inspect.isclass(value):
-                    for method, of in vars(value).items():
-                        if not method.startswith("_") and inspect.isfunction(of):
-                            found[f"{value.__module__}.{value.__qualname__}.{method}"] = of
-    return dict(sorted(found.items()))
 
 
 OBJECTS = public_objects()

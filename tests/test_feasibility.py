@@ -6,7 +6,7 @@ from scipy.optimize import linprog, nnls
 
 import hexakin as hk
 from hexakin import dynamics
-from hexakin.exceptions import InvalidInputError, SolverError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, SolverError
 from hexakin.feasibility import Motion, check, checks, commanded_walk, distribute, force_solver, forces, statics
 from hexakin.feasibility.casadi_legs import leg_states
 
@@ -353,7 +353,7 @@ def test_a_robot_without_a_speed_limit_says_that_speed_was_not_checked(athena, w
 def test_what_cannot_be_checked_is_refused(athena, walk):
     with pytest.raises(InvalidInputError, match="motion"):
         check(athena, "walk", hk.terrain.Plane())
-    with pytest.raises(UnknownNameError, match="terrain"):
+    with pytest.raises(InvalidInputError, match="terrain"):
         check(athena, walk, hk.terrain.Plane)
     with pytest.raises(InvalidInputError, match="clearance"):
         check(athena, walk, hk.terrain.Plane(), clearance=-1.0)

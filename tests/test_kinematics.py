@@ -194,7 +194,7 @@ def test_a_path_prefers_the_branch_that_reaches_all_of_it(athena):
 
 def test_a_name_is_no_robot_and_a_hint_must_fit(athena):
     for call in (hk.forward_kinematics, hk.jacobian, hk.inverse_kinematics):
-        with pytest.raises(InvalidInputError, match=r"robot: expected what hexakin\.load_robot returns, got 'athena'"):
+        with pytest.raises(InvalidInputError, match=r"robot: expected a Robot, .*, got 'athena'"):
             call("athena", athena.standing_q)
     feet = np.zeros((2, 6, 3))
     with pytest.raises(InvalidInputError, match="near: shape"):

@@ -98,7 +98,7 @@ def test_bad_arguments_are_named(athena, arguments, error, message):
 
 
 def test_an_unknown_terrain_is_named(athena):
-    with pytest.raises(UnknownNameError, match="unknown terrain 'moon'"):
+    with pytest.raises(InvalidInputError, match="terrain: expected a Terrain, got 'moon'"):
         hk.simulate(athena, "moon", hk.PostureController(athena))
 
 

@@ -308,7 +308,7 @@ def test_bad_poses_and_planes_are_named(athena):
         contacts_of(athena, np.eye(4), np.zeros((2, 6, 3)), every, ground)
     with pytest.raises(InvalidInputError, match=r"friction: expected shape \(\.\.\., 6\), got \(5,\)"):
         contacts_of(athena, np.eye(4), athena.standing_q, every, ground, friction=np.ones(5))
-    with pytest.raises(InvalidInputError, match="robot: expected what hexakin"):
+    with pytest.raises(InvalidInputError, match="robot: expected a Robot"):
         contacts_of("athena", np.eye(4), athena.standing_q, every, ground)
     with pytest.raises(InvalidInputError, match="heading: nan"):
         longitudinal_margin(standing_on(RECTANGLE, UP), np.nan)

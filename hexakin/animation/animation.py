@@ -18,7 +18,7 @@ from pathlib import Path
 
 from hexakin.animation.page import page_of
 from hexakin.animation.scene import SHOWN, Scene, make_scene
-from hexakin.checks import check_number, check_path, check_whole
+from hexakin.checks import check_number, check_path, check_whole, checked
 from hexakin.checks.files import whole_file
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.motion import Motion
@@ -33,6 +33,7 @@ __all__ = ["Animation", "animate"]
 _HEIGHT = 480  # [px], height of an animation in a notebook
 
 
+@checked
 def animate(
     robot: Robot,
     motion: Recording | WalkPlan | Motion,
@@ -79,6 +80,7 @@ def animate(
     return Animation(make_scene(robot, motion, terrain, show, follow), factor, follow)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Animation:
     """An animation, as `animate` returns it: a notebook shows it, and `save` writes it to a file.
@@ -98,6 +100,7 @@ class Animation:
         """Return the page: one HTML document that needs no other file. Raises MissingPackageError without meshcat."""
         return page_of(self.scene, self.speed, self.follow)
 
+    @checked
     def save(
         self, path: str | os.PathLike[str], *, frame_rate: float = 10.0, size: tuple[int, int] = (640, 480)
     ) -> Path:

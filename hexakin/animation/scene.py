@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,10 @@ from hexakin.kinematics.forward import forward_kinematics, segment_poses, standi
 from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
-from hexakin.robot.model import SEGMENT_NAMES, Robot, check_robot
+from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.stability.polygon import support_polygon
 from hexakin.stability.time_series import zero_moment_point
-from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.terrain.base import Terrain
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, pose, transform_points
 
@@ -140,9 +140,8 @@ def make_scene(
     follow: bool,
 ) -> Scene:
     """Return the scene that `hexakin.animation.animate` shows; arguments and errors are those of `animate`."""
-    check_robot(robot)
     wanted = _check_show(show)
-    ground = _check_terrain(terrain)
+    ground = None if isinstance(terrain, LegCurves) else terrain
     course = motion_of(motion)
     if course.q.shape[1] != robot.num_legs:
         raise InvalidInputError(f"motion: for {course.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
@@ -196,14 +195,6 @@ def _check_show(show: Sequence[str]) -> tuple[str, ...]:
         if name not in SHOWN:
             raise UnknownNameError("show", name, list(SHOWN))
     return tuple(show)
-
-
-def _check_terrain(terrain: Any) -> Terrain | None:
-    """Return the terrain if it has a surface, otherwise None."""
-    if terrain is None or isinstance(terrain, LegCurves):
-        return None
-    check_terrain(terrain, also=(LegCurves,))
-    return terrain
 
 
 def _keyframes(time: Array) -> NDArray[np.int_]:

@@ -1,140 +1,27 @@
-"""Checks of the arguments of public functions, and the type ``Array``."""
+"""Checks of the arguments of public functions: their kinds by the annotations, their values by functions."""
 
-from __future__ import annotations
+from hexakin.checks.annotations import checked
+from hexakin.checks.values import (
+    Array,
+    check_array,
+    check_number,
+    check_path,
+    check_poses,
+    check_whole,
+    is_number,
+    is_whole,
+    read_only,
+)
 
-import os
-from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from hexakin.exceptions import InvalidInputError
-
-Array = NDArray[np.float64]
-
-_BLOCK = 2048  # poses whose columns fit into the cache
-_ROTATION_ERROR = 1e-6  # rounding in single precision, or in a long product of rotations, is below it
-
-
-def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
-    """Convert ``value`` to a float array with the last axes ``trailing``, and check that all elements are finite.
-
-    ``name`` is the argument's name in the message. ``labels`` are names of the last axes, such as ``("leg", "joint")``;
-    the message counts along them from 1. Raises InvalidInputError, which names the argument and the first bad element.
-    """
-    if np.iscomplexobj(value):
-        raise InvalidInputError(f"{name}: expected real numbers, got complex ones")
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name}: expected numbers, got {type(value).__name__} ({error})") from error
-    if array.shape[array.ndim - len(trailing) :] != trailing or array.ndim < len(trailing):
-        expected = "(..., " + ", ".join(map(str, trailing)) + ")"
-        raise InvalidInputError(f"{name}: expected shape {expected}, got {array.shape}")
-    if not np.isfinite(array).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        last = index[len(index) - len(trailing) :]
-        place = ", ".join(f"{label} {i + 1}" for label, i in zip(labels, last, strict=False)) or f"index {index}"
-        leading = index[: len(index) - len(trailing)]
-        at = f" (at index {', '.join(map(str, leading))})" if leading else ""
-        raise InvalidInputError(f"{name}: {place} is {array[index]}, expected a finite number{at}")
-    return array
-
-
-def check_poses(name: str, value: ArrayLike) -> Array:
-    """Return ``value`` (..., 4, 4) as a float array if each matrix is a pose; otherwise raise InvalidInputError.
-
-    A pose consists of a rotation, a position [m] and the row (0, 0, 0, 1). Zeros, shears, scales and reflections are no
-    rotations. ``name`` is the argument's name in the message.
-    """
-    T = check_array(name, value, (4, 4))
-    flat = T.reshape(-1, 4, 4)
-    for first in range(0, len(flat), _BLOCK):
-        # One pose in Python's floats, many in columns of NumPy: both are several times faster than matrix products.
-        rows = flat[first : first + _BLOCK].transpose(1, 2, 0).copy() if len(flat) > 1 else flat[0].tolist()
-        for bad, text in _pose_faults(rows):
-            if np.any(bad):
-                index = np.unravel_index(first + int(np.argmax(bad)), T.shape[:-2])
-                at = f" (at index {', '.join(map(str, index))})" if index else ""
-                raise InvalidInputError(f"{name}: expected poses, but {text}{at}")
-    return T
-
-
-def _pose_faults(rows: Any) -> tuple[tuple[Any, str], ...]:
-    """Return flags of the poses with a fault, and its text; ``rows`` are 4 x 4 numbers or arrays (n,)."""
-    (a, b, c, _), (d, e, f, _), (g, h, i, _), (j, k, m, n) = rows
-    with np.errstate(over="ignore", invalid="ignore"):
-        # Two orthonormal rows, and the third row is their cross product.
-        off = (
-            *(a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f),
-            *(b * f - c * e - g, c * d - a * f - h, a * e - b * d - i),
-        )
-        rotation = sum(x * x for x in off) <= _ROTATION_ERROR**2
-        row = j * j + k * k + m * m + (n - 1.0) * (n - 1.0) == 0.0
-    return (
-        (np.logical_not(rotation), "the first three rows and columns are no rotation"),
-        (np.logical_not(row), "the last row is not (0, 0, 0, 1)"),
-    )
-
-
-def check_number(
-    name: str,
-    value: float,
-    *,
-    above: float = -np.inf,
-    at_least: float = -np.inf,
-    at_most: float = np.inf,
-    unit: str = "",
-) -> float:
-    """Return ``value`` as a float if it is finite and within its bounds; otherwise raise InvalidInputError.
-
-    The bounds are ``above`` (exclusive), ``at_least`` and ``at_most`` (inclusive). ``name`` and ``unit`` are for the
-    message.
-    """
-    try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name}: expected a number, got {value!r}") from error
-    if not (np.isfinite(number) and number > above and at_least <= number <= at_most):
-        bounds = []
-        if np.isfinite(above):
-            bounds.append(f"above {above:g}")
-        if np.isfinite(at_least):
-            bounds.append(f"at least {at_least:g}")
-        if np.isfinite(at_most):
-            bounds.append(f"at most {at_most:g}")
-        wanted = " and ".join(bounds) or "finite"
-        raise InvalidInputError(f"{name}: {number:g}{' ' + unit if unit else ''}, expected {wanted}")
-    return number
-
-
-def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
-    """Return ``value`` as an int if it is a whole number, ``at_least`` or more; otherwise raise InvalidInputError.
-
-    ``name`` is the argument's name in the message.
-    """
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or value < at_least:
-        raise InvalidInputError(f"{name}: {value!r}, expected a whole number of at least {at_least}")
-    return int(value)
-
-
-def check_path(name: str, value: object) -> Path:
-    """Return ``value``, a text or an ``os.PathLike`` of text, as a path; otherwise raise InvalidInputError.
-
-    A number is no path: Python would take it for an open file. ``name`` is the argument's name in the message.
-    """
-    try:
-        text = os.fspath(value) if isinstance(value, os.PathLike) else value
-    except Exception as error:  # an object may raise anything
-        raise InvalidInputError(f"{name}: expected a path, got {value!r:.80} ({error})") from error
-    if not isinstance(text, str) or text == "" or "\0" in text:
-        raise InvalidInputError(f"{name}: expected a path, got {value!r:.80}")
-    return Path(text)
-
-
-def read_only(value: ArrayLike) -> Array:
-    """Return a read-only copy of ``value`` as a float array."""
-    array = np.array(value, dtype=float)
-    array.setflags(write=False)
-    return array
+__all__ = [
+    "Array",
+    "check_array",
+    "check_number",
+    "check_path",
+    "check_poses",
+    "check_whole",
+    "checked",
+    "is_number",
+    "is_whole",
+    "read_only",
+]

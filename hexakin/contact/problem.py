@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_whole, read_only
+from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
 from hexakin.contact.impulses import solve_impact
 from hexakin.exceptions import ContactError, InvalidInputError, UnknownNameError
 from hexakin.numerics.numba_cache import announced
@@ -140,6 +140,7 @@ def check_facets(facets: int | None) -> int | None:
     return int(facets)
 
 
+@checked
 def solve(
     problem: ContactProblem,
     *,

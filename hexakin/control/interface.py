@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_whole
+from hexakin.checks import Array, check_array, check_whole, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.motion.recording import Recording, as_json
 from hexakin.robot.leg_table import NUM_JOINTS
@@ -50,6 +50,7 @@ class Observation(NamedTuple):
     up_in_body: Array
 
     @classmethod
+    @checked
     def at_rest(cls, time: float, q: ArrayLike, foot_force: ArrayLike, height: float) -> Observation:
         """Return the observation of an upright robot that does not move.
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number, check_whole
+from hexakin.checks import Array, check_number, check_whole, checked
 from hexakin.control.ground_plane import ground_plane, slope_angles, supporting_feet
 from hexakin.control.interface import Command, Observation
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation
 from hexakin.walking.gait import Gait, tripod
 from hexakin.walking.swing import bezier, stance_line, swing_control_points
@@ -24,6 +24,7 @@ STARTS = ("actual", "command")
 FIRST_PHASES = ("full_stride", "half_stride")
 
 
+@checked
 @dataclass(frozen=True)
 class PostureController:
     """Tripod gait with paper A's control of height (k_z), pitch (k_alpha) and roll (k_beta) (A section 4).
@@ -81,7 +82,6 @@ class PostureController:
     gait: Gait = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_robot(self.robot)
         for name in ("k_z", "k_alpha", "k_beta"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=1.0)
         for name in ("phase_duration", "extension_speed"):
@@ -112,10 +112,12 @@ class PostureController:
         """Return all parameters except the robot, by name."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("robot", "gait")}
 
+    @checked
     def start(self, observation: Observation, control_rate: float) -> PostureRun:
         """Begin a run at ``observation``; its ``command`` is called ``control_rate`` [Hz] times per second."""
         return PostureRun(self, observation, control_rate)
 
+    @checked
     def swing_displacement(self, delta_z: float) -> Array:
         """Displacement (3,) [m] of a foot from the start to the end of a swing, A(27).
 
@@ -123,6 +125,7 @@ class PostureController:
         """
         return self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
 
+    @checked
     def stance_displacement(self, p_body_foot: Array, delta_z: float, delta_alpha: float, delta_beta: float) -> Array:
         """Displacement (L, 3) [m] of the feet from the start to the end of a stance phase, A(28)-(31).
 
@@ -140,6 +143,7 @@ class PostureController:
         return (p_body_foot + t) @ rotation - p_body_foot  # rows: R^T (p_0 + t) - p_0
 
 
+@checked
 class PostureRun:
     """One run of a PostureController; it keeps the state from tick to tick (A section 4).
 
@@ -162,6 +166,7 @@ class PostureRun:
         self._delta_z = self._delta_alpha = self._delta_beta = 0.0
         self._misfit = float("nan")
 
+    @checked
     def command(self, observation: Observation) -> Command:
         """Return the command of the tick that begins with ``observation``.
 

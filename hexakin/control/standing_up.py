@@ -7,35 +7,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.checks import Array, check_number
+from hexakin.checks import Array, check_number, checked
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
 from hexakin.kinematics.leg_functions import reach
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 
 _WIDER = 5e-3  # [m] by which the footholds are moved outwards in each trial
 # [m] A robot lies if the gap between its torso and the ground is smaller. It may lie on its coxae, so the gap is not 0.
 _LYING = 1e-2
 
 
+@checked
 def lying_q(robot: Robot, lift: float = 0.01) -> Array:
     """Joint angles (L, 3) [rad] of a robot that lies on its torso, with its feet above footholds to stand up on.
 
     The feet are ``lift`` [m] above these footholds. The angles are meant for ``hexakin.simulate(..., q_start=...)``.
     Raises UnreachableError or JointLimitError, which name the leg, if there are no such angles.
     """
-    check_robot(robot)
     check_number("lift", lift, at_least=0.0, unit="m")
     ground = robot.foot_radius - underside(robot)
     standing = forward_kinematics(robot, robot.standing_q)
     return inverse_kinematics(robot, footholds_to_rise_on(robot, standing, ground, lift) + [0.0, 0.0, lift]).q
 
 
+@checked
 def underside(robot: Robot) -> float:
     """Distance [m] from the body's origin down to the underside of the torso of ``robot``."""
     return -float(robot.torso_corners[:, 2].min())
 
 
+@checked
 def footholds_to_rise_on(robot: Robot, home: Array, ground: float, lift: float = 0.0) -> Array:
     """Footholds (L, 3) [m] in the body frame from which a lying robot can rise to its standing height.
 
@@ -64,6 +66,7 @@ def footholds_to_rise_on(robot: Robot, home: Array, ground: float, lift: float =
     raise AssertionError("the first footholds are within the limits, but were not returned")
 
 
+@checked
 def lies(robot: Robot, height: float) -> bool:
     """Whether ``robot`` lies on the ground; ``height`` [m] is that of the body's origin above the ground."""
     return height < underside(robot) + _LYING

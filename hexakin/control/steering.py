@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number
+from hexakin.checks import Array, check_number, checked
 from hexakin.control.interface import Command, Observation
 from hexakin.control.standing_up import footholds_to_rise_on, lies
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation, cross_matrix
 from hexakin.walking.gait import Gait, gait_of
 
@@ -44,6 +44,7 @@ class Twist(NamedTuple):
 STILL = Twist()
 
 
+@checked
 @dataclass(frozen=True)
 class SteeringController:
     """A controller that follows velocity commands; for ``simulate`` and ``feasibility.commanded_walk``.
@@ -89,7 +90,6 @@ class SteeringController:
     home: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_robot(self.robot)
         object.__setattr__(self, "gait", gait_of(self.robot, self.gait))
         check_number("cycle_duration", self.cycle_duration, above=0.0)
         check_number("apex", self.apex, at_least=0.0, unit="m")
@@ -115,6 +115,7 @@ class SteeringController:
         assert isinstance(self.gait, Gait)
         return self.gait
 
+    @checked
     def command_at(self, time: float) -> Twist:
         """Return the command at ``time`` [s].
 
@@ -130,10 +131,12 @@ class SteeringController:
         rest = ("cycle_duration", "apex", "body_height", "response", "rise_duration")
         return {**named, **{name: getattr(self, name) for name in rest}}
 
+    @checked
     def start(self, observation: Observation, control_rate: float) -> SteeringRun:
         """Begin a run at ``observation``; its ``command`` is called ``control_rate`` [Hz] times per second."""
         return SteeringRun(self, observation, control_rate)
 
+    @checked
     def velocity(self, twist: Twist, p_body_foot: Array) -> Array:
         """Velocity (L, 3) [m/s] of points of the ground relative to the body, in the body frame.
 
@@ -144,6 +147,7 @@ class SteeringController:
             twist.forward * robot.forward - twist.left * robot.right + np.cross([0.0, 0.0, twist.turn], p_body_foot)
         )
 
+    @checked
     def landing(self, twist: Twist) -> Array:
         """Points (L, 3) [m] in the body frame at which swings end: half a stroke ahead of the standing footholds.
 
@@ -163,6 +167,7 @@ class SteeringController:
         raise_if_impossible(self.robot, solution, np.array([-half, half, 0.0]))
 
 
+@checked
 class SteeringRun:
     """One run of a SteeringController; it keeps the state from tick to tick.
 
@@ -184,6 +189,7 @@ class SteeringRun:
             ground = controller.robot.foot_radius - observation.height
             self._touchdown = footholds_to_rise_on(controller.robot, controller.home, ground)
 
+    @checked
     def command(self, observation: Observation) -> Command:
         """Return the command of the tick that begins with ``observation``."""
         c = self._controller

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 
+from hexakin.checks import checked
 from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import UnknownNameError
 
@@ -28,6 +29,7 @@ def default_engine() -> str:
     return "rigid" if importlib.util.find_spec("pybullet") is None else "pybullet"
 
 
+@checked
 def engine_class(name: str) -> type[Engine]:
     """Return the class of the engine called ``name``.
 

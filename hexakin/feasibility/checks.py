@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number
+from hexakin.checks import Array, check_number, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.forces import ForceDistribution, distribute, friction_needed
@@ -25,9 +25,9 @@ from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
 from hexakin.motion.short_repr import short_repr
 from hexakin.motion.walk_plan import WalkPlan
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.stability.polygon import polygon_margins
-from hexakin.terrain.base import Terrain, check_terrain, gaps
+from hexakin.terrain.base import Terrain, gaps
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import transform_points
 
@@ -35,6 +35,7 @@ _ROUNDING = 1e-9  # in the constraint's unit: a pose exactly at its limit satisf
 _TIE = 1e-6  # in the constraint's unit: instants this close are equally bad; the first is named, on every machine
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Constraint:
     """One constraint over a motion, as ``check`` returns it.
@@ -76,6 +77,7 @@ class Constraint:
         return self.slack
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FeasibilityReport:
     """Result of ``check``: the constraints and the forces that hold the robot during the motion.
@@ -117,6 +119,7 @@ class FeasibilityReport:
         return "\n".join(lines)
 
 
+@checked
 def check(
     robot: Robot,
     motion: Motion | WalkPlan | Recording,
@@ -148,9 +151,7 @@ def check(
     clearance
         Smallest allowed distance [m] from the ground to the knees, to the torso and to the feet in the air.
     """
-    check_robot(robot)
     check_number("clearance", clearance, at_least=0.0, unit="m")
-    check_terrain(terrain, also=(LegCurves,))
     given = motion_of(motion)
     if given.q.shape[1] != robot.num_legs:
         raise InvalidInputError(f"motion: for {given.q.shape[1]} legs, {robot.name} has {robot.num_legs}")

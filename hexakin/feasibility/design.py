@@ -17,12 +17,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_number
+from hexakin.checks import Array, check_number, checked
 from hexakin.exceptions import SolverError, UnknownNameError
 from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
 from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, standing_height
-from hexakin.robot.model import GRAVITY, Robot, check_robot
+from hexakin.robot.model import GRAVITY, Robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 from hexakin.walking.gait import tripod
 
@@ -34,6 +34,7 @@ _UNLOADED = 1e-4  # of the weight: a foot with a smaller normal force carries no
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a phase: the instants that are part of the problem
 
 
+@checked
 @dataclass(frozen=True)
 class Design:
     """Result of a design question.
@@ -56,6 +57,7 @@ class Design:
     feasible: bool
 
 
+@checked
 def longest_stride(
     robot: Robot,
     body_height: float | None = None,
@@ -91,6 +93,7 @@ def longest_stride(
     return question.maximise(stride)
 
 
+@checked
 def highest_step(
     robot: Robot,
     body_height: float | None = None,
@@ -115,6 +118,7 @@ def highest_step(
     return question.maximise(height)
 
 
+@checked
 def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> Design:
     """Posture on a slope with the largest torque margin [N m], with all feet on their standing footholds.
 
@@ -135,6 +139,7 @@ def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> 
     return question.maximise(torque_margin)
 
 
+@checked
 def steepest_slope(
     robot: Robot,
     body_height: float | None = None,
@@ -197,7 +202,6 @@ class _Question:
 
     def __post_init__(self) -> None:
         robot = self.robot
-        check_robot(robot)
         check_number("friction", self.friction, at_least=0.0)
         check_number("slope", self.slope, at_least=-np.pi / 2, at_most=np.pi / 2, unit="rad")
         if self.body_height is not None:

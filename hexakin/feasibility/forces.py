@@ -21,13 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_poses
+from hexakin.checks import Array, check_array, check_number, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
 from hexakin.feasibility.statics import StaticProblem, static_problem
 from hexakin.motion.short_repr import short_repr
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 
 OUTCOMES = ("balanced", "torque", "friction", "support")
@@ -71,6 +71,7 @@ class ForceDistribution:
         return self.outcome == "balanced"
 
 
+@checked
 def distribute(
     robot: Robot,
     T_world_body: ArrayLike,
@@ -100,7 +101,6 @@ def distribute(
     max_torque
         Torque limit [N m] of every joint. None is the limit of the robot's servo; ``inf`` means no limit.
     """
-    check_robot(robot)
     check_number("friction", friction, at_least=0.0)
     limit = robot.servo.max_torque if max_torque is None else max_torque
     if not limit > 0.0:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses
+from hexakin.checks import Array, check_array, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.statics import StaticProblem, static_problem
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 
 _SINGULAR = 1e8  # condition number of a leg's Jacobian above which torques do not determine the force along the leg
 
 
+@checked
 def forces_from_torques(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, torque: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Array:
@@ -49,6 +50,7 @@ def forces_from_torques(
     return problem.unit * (problem.frames @ local)[..., 0]
 
 
+@checked
 def torques_from_forces(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, force: ArrayLike, normals: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Array:
@@ -74,7 +76,6 @@ def _problem(
     robot: Robot, T_world_body: ArrayLike, q: ArrayLike, given: ArrayLike, normals: ArrayLike, name: str
 ) -> tuple[StaticProblem, Array]:
     """Statics with all feet on the ground and torques in N m, and the ``given`` values (n, L, 3) after a check."""
-    check_robot(robot)
     T = check_poses("T_world_body", T_world_body)
     shape = (robot.num_legs, 3)
     angles = check_array("q", q, shape, ("leg", "joint"))

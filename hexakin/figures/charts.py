@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures.style import ENGINE_COLOURS, GREY, LEG_COLOURS
 
@@ -18,6 +18,7 @@ _SUMMARY = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
 _MOST_PRINTED = 8  # columns or rows; numbers do not fit into more cells if the map is a third of a page wide
 
 
+@checked
 def box_groups(
     ax: Axes, groups: Sequence[Sequence[ArrayLike]], labels: Sequence[str], colours: Sequence[str], ylabel: str
 ) -> None:
@@ -59,6 +60,7 @@ def box_groups(
     ax.grid(axis="x", visible=False)
 
 
+@checked
 def draw_boxes(
     ax: Axes,
     summaries: Mapping[str, ArrayLike],
@@ -137,6 +139,7 @@ def draw_boxes(
     ax.grid(axis="x", visible=False)
 
 
+@checked
 def draw_sweep(
     axes: Sequence[Axes],
     summaries: Mapping[str, Mapping[str, ArrayLike]],
@@ -224,6 +227,7 @@ def _check_summary(name: str, summary: ArrayLike, count: int) -> Array:
     return values
 
 
+@checked
 def heat_map(
     ax: Axes,
     values: ArrayLike,
@@ -306,6 +310,7 @@ def _cell(axis: str, level: float, levels: Sequence[float]) -> int:
     return int(found[0])
 
 
+@checked
 def bar_effects(
     ax: Axes,
     names: Sequence[str],

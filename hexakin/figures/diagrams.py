@@ -10,13 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.figures.style import BLUE, GREY, MM, RED
 from hexakin.kinematics.forward import forward_kinematics, segment_poses
 from hexakin.robot.model import Robot
 from hexakin.walking.gait import Gait
 
 
+@checked
 def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -> None:
     """Draw the diagram of ``gait`` on ``ax``: for each leg a bar while its foot is on the ground.
 
@@ -37,6 +38,7 @@ def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -
     ax.grid(axis="y", visible=False)
 
 
+@checked
 def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
     """Plot one leg's three angles ``q`` (n, 3) [rad] on ``ax``, in degrees, with the names of the robot's joints.
 
@@ -54,6 +56,7 @@ def _symbol(name: str) -> str:
     return name if greek is None else rf"$\{greek[1]}_{{{greek[2] or ''}}}$"
 
 
+@checked
 def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: int) -> None:
     """Draw a leg's angles as in A Fig. 4: from above on ``top``, and in the leg's plane on ``side``.
 
@@ -97,6 +100,7 @@ def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float],
         )
 
 
+@checked
 def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
     """Draw a flow chart on ``ax``.
 

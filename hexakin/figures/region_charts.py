@@ -10,14 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike
 
-from hexakin.checks import check_array
+from hexakin.checks import check_array, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures.style import BLUE, GREEN, GREY, MM, ORANGE, PURPLE, RED
 
 _REGION_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
-def draw_forces(ax: Any, points: ArrayLike, forces: ArrayLike, *, scale: float, colour: str = RED) -> None:
+@checked
+def draw_forces(ax: Axes, points: ArrayLike, forces: ArrayLike, *, scale: float, colour: str = RED) -> None:
     """Draw forces as arrows on ``ax``.
 
     ``forces`` (k, d) [N] begin at ``points`` (k, d) [m]; d is 3 on 3D axes, otherwise 2. An arrow is ``scale`` [m/N]
@@ -38,6 +39,7 @@ def draw_forces(ax: Any, points: ArrayLike, forces: ArrayLike, *, scale: float, 
         ax.quiver(*begin.T, *way.T, color=colour, width=0.007, zorder=4, **at)
 
 
+@checked
 def draw_regions(
     ax: Axes,
     feet: ArrayLike,
@@ -71,6 +73,7 @@ def draw_regions(
     ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
 
 
+@checked
 def draw_samples(ax: Axes, x: ArrayLike, y: ArrayLike, feasible: ArrayLike) -> None:
     """Draw samples of two design parameters on ``ax``: dots where the motion is feasible, crosses where it is not.
 

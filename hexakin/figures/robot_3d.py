@@ -12,10 +12,13 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import to_rgba
+from matplotlib.figure import FigureBase
+from matplotlib.gridspec import SubplotSpec
+from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses
+from hexakin.checks import Array, check_array, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures.solids_3d import BlockFaces, SolidFaces
 from hexakin.figures.style import (
@@ -35,7 +38,14 @@ from hexakin.terrain.columns import block_columns
 from hexakin.transforms import transform_points
 
 
-def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimuth: float = -60.0) -> Any:
+@checked
+def axes_3d(
+    figure: FigureBase,
+    position: int | tuple[int, int, int] | SubplotSpec = 111,
+    *,
+    elevation: float = 22.0,
+    azimuth: float = -60.0,
+) -> Axes3D:
     """Add 3D axes with labels in millimetres to ``figure`` and return them.
 
     ``position`` is the place of the axes in the figure, as for matplotlib's ``add_subplot``; ``elevation`` and
@@ -51,7 +61,8 @@ def axes_3d(figure: Any, position: Any = 111, *, elevation: float = 22.0, azimut
     return ax
 
 
-def set_equal_3d(ax: Any, low: ArrayLike, high: ArrayLike) -> None:
+@checked
+def set_equal_3d(ax: Axes3D, low: ArrayLike, high: ArrayLike) -> None:
     """Show the box from ``low`` (3,) [m] to ``high`` (3,) [m] on the 3D axes ``ax``, with equal scales."""
     lower, upper = np.asarray(low) * MM, np.asarray(high) * MM
     ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
@@ -72,8 +83,9 @@ def _sphere(center: Array, radius: float) -> Array:
     return np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
 
 
+@checked
 def draw_robot(
-    ax: Any, robot: Robot, q: ArrayLike, T_world_body: ArrayLike | None = None, *, labels: bool = True
+    ax: Axes3D, robot: Robot, q: ArrayLike, T_world_body: ArrayLike | None = None, *, labels: bool = True
 ) -> None:
     """Draw the robot on the 3D axes ``ax``, as boxes and spheres.
 
@@ -111,7 +123,10 @@ def draw_robot(
             )
 
 
-def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool = True, length: float = 0.03) -> None:
+@checked
+def draw_skeleton(
+    ax: Axes3D, robot: Robot, q: ArrayLike, leg: int, *, frames: bool = True, length: float = 0.03
+) -> None:
     """Draw one leg on the 3D axes ``ax``, as lines between its joints.
 
     ``q`` (L, 3) [rad] are the angles of all legs, ``leg`` is the index of the leg, from 0. With ``frames`` the body's
@@ -131,8 +146,9 @@ def draw_skeleton(ax: Any, robot: Robot, q: ArrayLike, leg: int, *, frames: bool
             ax.text(*(point + [0.0, 0.0, -1.6 * MM * 0.01]), name, ha="left", va="top", fontsize=8, zorder=5)
 
 
+@checked
 def draw_wireframe(
-    ax: Any,
+    ax: Axes3D,
     robot: Robot,
     q: ArrayLike,
     T_world_body: ArrayLike | None = None,
@@ -175,7 +191,8 @@ def draw_wireframe(
         ax.add_collection3d(Line3DCollection(faces[:, [0, 1, 2, 3, 0]], colors=colour, linewidths=width, **unclipped))
 
 
-def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
+@checked
+def draw_frame(ax: Axes3D, T: ArrayLike, length: float = 0.03) -> None:
     """Draw a frame on the 3D axes ``ax``: its x (red), y (green) and z (blue) axes, ``length`` [m] long.
 
     ``T`` (4, 4) is the pose of the frame in the world.
@@ -185,8 +202,9 @@ def draw_frame(ax: Any, T: ArrayLike, length: float = 0.03) -> None:
     ax.add_collection3d(Line3DCollection(segments, colors=[RED, GREEN, BLUE], linewidths=1.8, zorder=4))
 
 
+@checked
 def draw_terrain(
-    ax: Any, terrain: Terrain, low: tuple[float, float], high: tuple[float, float], *, spacing: float = 0.05
+    ax: Axes3D, terrain: Terrain, low: tuple[float, float], high: tuple[float, float], *, spacing: float = 0.05
 ) -> None:
     """Draw the part of ``terrain`` between ``low`` (x, y) [m] and ``high`` (x, y) [m] on the 3D axes ``ax``.
 
@@ -213,7 +231,8 @@ def draw_terrain(
     ax.add_collection3d(Poly3DCollection(tiles, facecolors=colours, edgecolors="none", zorder=0))
 
 
-def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = ORANGE, arrow: float = 0.1) -> None:
+@checked
+def draw_plane(ax: Axes3D, points: ArrayLike, normal: ArrayLike, *, colour: str = ORANGE, arrow: float = 0.1) -> None:
     """Draw a plane through three feet on the 3D axes ``ax``, as a triangle and an arrow along its normal.
 
     ``points`` (3, 3) [m] are the feet, ``normal`` (3,) is the unit normal, ``arrow`` [m] the length of its arrow,
@@ -225,7 +244,8 @@ def draw_plane(ax: Any, points: ArrayLike, normal: ArrayLike, *, colour: str = O
     ax.quiver(*center, *(tip - center), color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
 
 
-def draw_plan(ax: Any, robot: Robot, plan: WalkPlan, samples: Sequence[int], *, ground: bool = True) -> None:
+@checked
+def draw_plan(ax: Axes3D, robot: Robot, plan: WalkPlan, samples: Sequence[int], *, ground: bool = True) -> None:
     """Draw paper B's ``plan`` of a walk on the 3D axes ``ax``: the paths of feet and body, and the robot itself.
 
     ``samples`` are the indices of the samples at which the robot is drawn. The paths of the feet have the colours of

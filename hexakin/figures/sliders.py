@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_whole
+from hexakin.checks import Array, check_array, check_whole, checked
 from hexakin.exceptions import InvalidInputError, MissingPackageError, UnreachableError
 from hexakin.figures.robot_3d import axes_3d, draw_robot, draw_terrain, draw_wireframe, set_equal_3d
 from hexakin.figures.style import MM
@@ -31,7 +32,7 @@ from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import posed_inverse_kinematics
 from hexakin.kinematics.leg_functions import reach
 from hexakin.motion.clearance import torso_gaps
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.terrain.planes import Plane
 from hexakin.transforms import pose, rpy_rotation, transform_points
 
@@ -40,6 +41,7 @@ _BEYOND = 0.2  # share of a joint's range by which its slider exceeds the limits
 _TILT = 45.0  # [deg], largest roll, pitch and yaw of the sliders
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Posture:
     """A robot over a level floor at z = 0, with its faults.
@@ -57,14 +59,14 @@ class Posture:
     faults: Mapping[int, str]
 
 
-def posture_of_body(robot: Robot, offset: Any, rpy: Any, q_before: Array | None = None) -> Posture:
+@checked
+def posture_of_body(robot: Robot, offset: ArrayLike, rpy: ArrayLike, q_before: Array | None = None) -> Posture:
     """Return the posture after the body has moved while the feet stay on their standing footholds.
 
     ``offset`` (3,) [m] is the way from the standing pose along the world's axes, ``rpy`` (3,) [rad] are roll, pitch and
     yaw about the body's x, y and z axes, B(2). A leg out of reach keeps its angles of ``q_before`` (L, 3) [rad]; None
     is the standing pose. Raises InvalidInputError if an array has another shape.
     """
-    check_robot(robot)
     shift = check_array("offset", offset, (3,), ("coordinate",)) + [0.0, 0.0, standing_height(robot)]
     T = pose(rpy_rotation(check_array("rpy", rpy, (3,), ("angle",))), shift)
     standing = forward_kinematics(robot, robot.standing_q)
@@ -80,13 +82,13 @@ def posture_of_body(robot: Robot, offset: Any, rpy: Any, q_before: Array | None 
     return Posture(T, q, feet, torso_clearance, dict(sorted(faults.items())))
 
 
-def posture_of_leg(robot: Robot, leg: int, angles: Any) -> Posture:
+@checked
+def posture_of_leg(robot: Robot, leg: int, angles: ArrayLike) -> Posture:
     """Return the standing posture, in which one leg has other angles.
 
     ``leg`` is the number of the leg, from 1; ``angles`` (3,) [rad]. Raises InvalidInputError if the robot does not have
     the leg or ``angles`` have another shape.
     """
-    check_robot(robot)
     _check_leg(robot, leg)
     q = np.array(robot.standing_q)
     q[leg - 1] = check_array("angles", angles, (3,), ("joint",))
@@ -122,6 +124,7 @@ class _Range(NamedTuple):
     scale: float
 
 
+@checked
 class Sliders:
     """Sliders and a picture of the robot, as `body_pose` and `leg_angles` return them; a notebook shows them.
 
@@ -198,13 +201,13 @@ class Sliders:
         return {**self.widget._repr_mimebundle_(**options), "image/png": base64.b64encode(self.png).decode()}
 
 
+@checked
 def body_pose(robot: Robot) -> Sliders:
     """Return sliders for x, y, z, roll, pitch and yaw of the body; the feet stay on their standing footholds.
 
     x, y and z are distances from the standing pose along the world's axes. The angles are about the body's x, y and z
     axes, as in B(2), for every direction of walking. Raises MissingPackageError without ipywidgets.
     """
-    check_robot(robot)
     far = round(0.5e3 * float(reach(robot)[:, 1].max()))
     ranges = {name: _Range(-far, far, 0.0, 1.0, "mm", 1e-3) for name in "xyz"}
     tilts = ("roll, about x", "pitch, about y", "yaw, about z")
@@ -212,13 +215,13 @@ def body_pose(robot: Robot) -> Sliders:
     return Sliders(robot, ranges, lambda values, q: posture_of_body(robot, values[:3], values[3:], q))
 
 
+@checked
 def leg_angles(robot: Robot, leg: int = 1) -> Sliders:
     """Return sliders for the three angles of one leg; their ranges go a little beyond its joint limits.
 
     ``leg`` is the number of the leg, from 1. Raises MissingPackageError without ipywidgets, InvalidInputError if the
     robot does not have the leg.
     """
-    check_robot(robot)
     _check_leg(robot, leg)
     ranges = {}
     limits = zip(robot.table.joints, np.degrees(robot.joint_limits[leg - 1]), strict=True)

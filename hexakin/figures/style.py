@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from hexakin.checks import check_path
+from hexakin.checks import check_path, checked
 from hexakin.checks.files import whole_file
 
 # The colours of Okabe and Ito, which colour-blind readers can tell apart.
@@ -39,6 +39,7 @@ def use_style() -> None:
     plt.rcParams.update(STYLE)  # type: ignore[arg-type]
 
 
+@checked
 def save_pdf(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write ``figure`` as a PDF file of vector graphics, and return its path.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.kinematics.bounds import LIMIT_TOLERANCE
 from hexakin.kinematics.evaluation import Solved, forward_of, inverse_of, reach_of
 from hexakin.kinematics.leg_functions import closed_form, reach
@@ -30,6 +30,7 @@ BRANCH_SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 _CHUNK = 1024  # poses whose four branches are compared at a time: few enough for the cache
 
 
+@checked
 @dataclass(frozen=True)
 class InverseSolution:
     """Result of the inverse kinematics for L legs; with ``branch="all"`` an axis of 4 branches follows the legs.
@@ -52,6 +53,7 @@ class InverseSolution:
     numerical: bool = False
 
 
+@checked
 @lru_cache(maxsize=64)
 def standing_branch(robot: Robot) -> NDArray[np.int_]:
     """Return the index (L,) into ``BRANCH_SIGNS`` of the branch of each leg's standing pose, for ``robot``."""

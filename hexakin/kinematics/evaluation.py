@@ -30,11 +30,11 @@ from typing import Any, NamedTuple, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, read_only
+from hexakin.checks import Array, checked, read_only
 from hexakin.kinematics.bounds import Bounds, bounds_of
 from hexakin.kinematics.leg_functions import LegFunctions, leg_functions
 from hexakin.numerics.trigonometry import PER_TURN, TURN
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 
 FEW = 48
 """Largest number of leg poses for which Python's floats are used."""
@@ -60,13 +60,13 @@ def fits(values: ArrayLike, robot: Robot) -> TypeGuard[Array]:
     return type(values) is np.ndarray and values.dtype == float and values.shape[-2:] == (robot.num_legs, 3)
 
 
+@checked
 def prepare(robot: Robot) -> bool:
     """Load the compiled loops of a robot's legs now, for batches of all sizes from here on.
 
     Returns whether there are any. There are none without numba, or without a place for machine code; NumPy is used
     then. Raises InvalidInputError if ``robot`` is not a robot.
     """
-    check_robot(robot)
     if leg_functions(robot.table).loops is None:
         return False
     _prepared.add(robot.table.type_key)

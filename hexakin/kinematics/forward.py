@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, checked
 from hexakin.kinematics.evaluation import OutOfRangeError, fits, forward_of, jacobian_of
 from hexakin.kinematics.leg_functions import within_half_turn
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 
 
+@checked
 def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     """Return the foot positions (..., L, 3) [m] of ``robot`` in the body frame (A(12)).
 
@@ -27,6 +28,7 @@ def forward_kinematics(robot: Robot, q: ArrayLike) -> Array:
     return _of_angles(forward_of, robot, q)
 
 
+@checked
 def jacobian(robot: Robot, q: ArrayLike) -> Array:
     """Return the derivatives (..., L, 3, 3) [m/rad] of the foot positions of ``robot`` by the angles of their legs.
 
@@ -38,7 +40,6 @@ def jacobian(robot: Robot, q: ArrayLike) -> Array:
 
 def _of_angles(function_of: Callable[[Robot], Callable[[Array], Array]], robot: Robot, q: ArrayLike) -> Array:
     """Check the arguments and evaluate ``function_of(robot)``."""
-    check_robot(robot)
     angles = q if fits(q, robot) else _angles(robot, q)
     function = function_of(robot)
     try:
@@ -53,6 +54,7 @@ def _angles(robot: Robot, q: ArrayLike) -> Array:
     return check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
 
 
+@checked
 def standing_height(robot: Robot) -> float:
     """Return the height [m] of the body's origin above the ground when ``robot`` is in its standing pose.
 
@@ -62,6 +64,7 @@ def standing_height(robot: Robot) -> float:
     return float(robot.foot_radius - feet[:, 2].min())
 
 
+@checked
 def segment_poses(robot: Robot, q: ArrayLike) -> Array:
     """Return the poses (..., L, 3, 4, 4) of the frames of the segments of ``robot`` in the body frame.
 
@@ -72,6 +75,7 @@ def segment_poses(robot: Robot, q: ArrayLike) -> Array:
     return _joint_poses(robot, q) @ np.array([robot.segment_poses(leg) for leg in range(robot.num_legs)])
 
 
+@checked
 def joint_axes(robot: Robot, q: ArrayLike) -> Array:
     """Return unit vectors (..., L, 3, 3) along the joint axes of ``robot`` in the body frame, as columns.
 
@@ -81,6 +85,7 @@ def joint_axes(robot: Robot, q: ArrayLike) -> Array:
     return np.swapaxes(_joint_poses(robot, q)[..., :3, 2], -1, -2)
 
 
+@checked
 def contact_jacobian(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
     """Return the derivative (..., 3, 3) [m/rad] by the joint angles of the point of a foot that touches the ground.
 
@@ -94,7 +99,6 @@ def contact_jacobian(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
 
 def _joint_poses(robot: Robot, q: ArrayLike) -> Array:
     """Return the pose (..., L, 3, 4, 4) of each joint's frame in the body frame; z is the axis, x turns with q."""
-    check_robot(robot)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
     fixed = np.array([robot.fixed_poses(leg) for leg in range(robot.num_legs)])
     turns = np.zeros((*angles.shape, 4, 4))

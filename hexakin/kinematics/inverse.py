@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_poses
+from hexakin.checks import Array, check_array, check_poses, checked
 from hexakin.exceptions import InvalidInputError, JointLimitError, UnknownNameError, UnreachableError
 from hexakin.kinematics.branches import (
     InverseSolution,
@@ -24,10 +24,11 @@ from hexakin.kinematics.branches import (
 )
 from hexakin.kinematics.evaluation import OutOfRangeError, fits
 from hexakin.kinematics.leg_functions import closed_form
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.transforms import inverse_pose, transform_points, wrapped
 
 
+@checked
 def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
     """Return whether each leg of ``robot`` is within its joint limits, as flags (..., L).
 
@@ -37,6 +38,7 @@ def within_limits(robot: Robot, q: ArrayLike) -> NDArray[np.bool_]:
     return inside(robot, check_array("q", q, (robot.num_legs, 3), ("leg", "joint")))
 
 
+@checked
 def inverse_kinematics(
     robot: Robot,
     p_body_foot: ArrayLike,
@@ -63,7 +65,6 @@ def inverse_kinematics(
     reach. Raises InvalidInputError if ``robot`` is not a robot, for a wrong shape, for a number that is not finite and
     for ``near`` together with ``branch="all"``; UnknownNameError for an unknown ``branch`` or ``on_unreachable``.
     """
-    check_robot(robot)
     # The closed form checks an array itself. With ``near`` an error in the feet is to be named first, so it is checked
     # here too.
     checks = _is_closed(robot) and near is None
@@ -113,6 +114,7 @@ def _feet(robot: Robot, p_body_foot: ArrayLike) -> Array:
     return check_array("p_body_foot", p_body_foot, (robot.num_legs, 3), ("leg", "coordinate"))
 
 
+@checked
 def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
     """Return the joint angles of ``robot`` along a path of its feet, each leg on one branch throughout.
 
@@ -144,6 +146,7 @@ def path_inverse_kinematics(robot: Robot, p_body_foot: ArrayLike, near: ArrayLik
     return picked(every, chosen, chosen)
 
 
+@checked
 def posed_inverse_kinematics(
     robot: Robot, T_world_body: ArrayLike, p_world_foot: ArrayLike, **options: Any
 ) -> InverseSolution:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_poses
+from hexakin.checks import Array, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.robot.model import Robot
@@ -16,6 +16,7 @@ _MOST_MOVES, _SAME_GAP = 200, 1e-9  # [m]
 _ACROSS = 5  # points per direction at which the gap between the torso's underside and uneven ground is computed
 
 
+@checked
 def foot_gaps(robot: Robot, terrain: Terrain, p_world_foot: ArrayLike) -> Array:
     """Gap (..., L) [m] between each foot and the ground of ``terrain``, negative if the foot is in the ground.
 
@@ -24,6 +25,7 @@ def foot_gaps(robot: Robot, terrain: Terrain, p_world_foot: ArrayLike) -> Array:
     return gaps(terrain, p_world_foot) - robot.foot_radius
 
 
+@checked
 def torso_gaps(robot: Robot, terrain: Terrain, T_world_body: ArrayLike) -> Array:
     """Smallest gap (...) [m] between the torso's box and the ground of ``terrain``, negative if it is in the ground.
 
@@ -33,6 +35,7 @@ def torso_gaps(robot: Robot, terrain: Terrain, T_world_body: ArrayLike) -> Array
     return gaps(terrain, transform_points(check_poses("T_world_body", T_world_body), _torso_points(robot))).min(axis=-1)
 
 
+@checked
 def way_to_ground(
     robot: Robot, terrain: Terrain, T_world_body: Array, q: Array, direction: Array, *, gap: float, torso: bool = True
 ) -> float:

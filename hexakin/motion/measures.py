@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, read_only
+from hexakin.checks import Array, check_array, checked, read_only
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.recording import Recording
 from hexakin.transforms import transform_points
@@ -78,6 +78,7 @@ def quartiles(values: ArrayLike) -> Quartiles:
     return Quartiles(*(float(value) for value in np.percentile(sample, [25, 50, 75])))
 
 
+@checked
 def body_rates(recording: Recording) -> tuple[Array, Array]:
     """Pitch rate and roll rate, (n,) [rad/s] each, at the n ticks of ``recording``.
 
@@ -87,6 +88,7 @@ def body_rates(recording: Recording) -> tuple[Array, Array]:
     return omega @ recording.right, omega @ recording.forward
 
 
+@checked
 def mean_square_rates(recording: Recording) -> tuple[Array, Array]:
     """Mean squares of the pitch rate and of the roll rate, (n,) [rad^2/s^2] each, for the n ticks of ``recording``.
 
@@ -97,6 +99,7 @@ def mean_square_rates(recording: Recording) -> tuple[Array, Array]:
     return pitch, roll
 
 
+@checked
 def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps") -> CycleMeasures:
     """Measures of all whole gait cycles of ``recording`` (A section 5.2).
 
@@ -127,6 +130,7 @@ def per_cycle(recording: Recording, *, rates: Literal["steps", "ticks"] = "steps
     )
 
 
+@checked
 def slips(recording: Recording) -> Array:
     """Largest distance (p,) [m] by which a foot in stance slips in each of the p gait phases of ``recording``.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.motion.recording import Recording
 from hexakin.motion.short_repr import short_repr
@@ -15,6 +15,7 @@ from hexakin.motion.walk_plan import WalkPlan
 from hexakin.transforms import inverse_pose, transform_points
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of the body and of L legs at n instants.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number, check_path, check_whole
+from hexakin.checks import Array, check_number, check_path, check_whole, checked
 from hexakin.checks.files import Arrays, Header, opened_arrays, parse_json, whole_file
 from hexakin.exceptions import FileError, InvalidInputError, RecordingError
 
@@ -34,6 +34,7 @@ def _column(shape: tuple[str | int, ...], unit: str, text: str, kind: str = "f")
     return {"shape": shape, "unit": unit, "text": text, "kind": kind}
 
 
+@checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """Recording of a simulated walk with L legs, at n control ticks (A section 5.2).
@@ -129,6 +130,7 @@ class Recording:
         """Unit vector (3,) to the right of the walking direction, in the body frame."""
         return np.cross(self.forward, [0.0, 0.0, 1.0])
 
+    @checked
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the recording to ``path`` as a NumPy ``.npz`` archive.
 
@@ -188,6 +190,7 @@ def as_json(value: Any) -> Any:
     raise TypeError(f"{value!r:.80} cannot be stored with a recording")
 
 
+@checked
 def load_recording(path: str | os.PathLike[str]) -> Recording:
     """Read the recording that ``Recording.save`` wrote to ``path``; files of hexakin 0.1 can be read too.
 

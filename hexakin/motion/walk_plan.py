@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.motion.short_repr import short_repr
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class WalkPlan:
     """A planned walk of L legs and k steps, at n samples of time (B section 3).

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.control.ground_plane import slope_angles
 from hexakin.control.posture import PostureController
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError, renamed
@@ -30,6 +30,7 @@ DIGITS = 6  # significant digits of the numbers in a table
 _PERCENTILES = {"min": 0, "lower": 25, "median": 50, "upper": 75, "max": 100}
 
 
+@checked
 @dataclass(frozen=True)
 class Scenario:
     """Where ATHENA walks, and how high it lifts its feet.
@@ -58,6 +59,7 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 
+@checked
 def walk(
     scenario: str,
     k_z: float,
@@ -84,6 +86,7 @@ def walk(
     return measure(recording, ground, num_cycles)
 
 
+@checked
 def simulate_walk(
     scenario: str,
     gains: Mapping[str, float],
@@ -177,6 +180,7 @@ def simulate_walk(
     return recording, ground
 
 
+@checked
 def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES) -> dict[str, float]:
     """Measures of a walk over its first ``num_cycles`` gait cycles, by column name.
 
@@ -242,6 +246,7 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
 _ROUNDING = 1e-9  # [m] with two loaded feet, the ZMP of A(32) lies exactly on an edge
 
 
+@checked
 def five_columns(name: str, values: ArrayLike) -> dict[str, float]:
     """Minimum, quartiles and maximum of a sample as the columns ``<name>_min``, ``_lower``, ``_median``, ...
 

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from hexakin.checks import check_path
+from hexakin.checks import check_path, checked
 from hexakin.checks.files import read_bytes
 from hexakin.exceptions import InvalidInputError, UnknownNameError, renamed
 from hexakin.installation import DATA
@@ -71,6 +71,7 @@ _WITH_VALUE = ("change_percent", "direction", "value")
 _WITH_TOLERANCE = ("change_percent", "unchanged", "value")
 
 
+@checked
 def statements(name: str = "athena", path: str | os.PathLike[str] | None = None) -> dict[str, Statement]:
     """Statements of ``data/paper/<name>.csv``, or of the file ``path``, by their id.
 
@@ -85,6 +86,7 @@ def statements(name: str = "athena", path: str | os.PathLike[str] | None = None)
     return _read(DATA / "paper" / f"{name}.csv")
 
 
+@checked
 def reported(figure: str) -> dict[str, list[tuple[float, float]]]:
     """Numbers that paper A reports for a figure, as lists of (gain level, value [SI unit]) by measure.
 
@@ -144,6 +146,7 @@ def _statement(row: dict[str, str]) -> Statement:
     return statement
 
 
+@checked
 def verdicts(
     table: pd.DataFrame, statements: Mapping[str, Statement] | Iterable[Statement] | None = None
 ) -> pd.DataFrame:
@@ -188,6 +191,7 @@ def verdicts(
     return pd.DataFrame(rows, columns=[*columns.split(), "unit", "agreement", "verdict", "wording", "claim"])
 
 
+@checked
 def robustness(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Whether the verdict on each statement is the same for all engines and time steps: one row per id.
 
@@ -211,6 +215,7 @@ def _agree(judged: pd.DataFrame, within: str) -> str:
     return "agree" if all(group.nunique() == 1 for group in groups) else "differ"
 
 
+@checked
 def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Number of statements with each verdict (rows) for each engine (columns).
 
@@ -221,6 +226,7 @@ def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
     return table.reindex(index=list(VERDICTS), columns=cases, fill_value=0)
 
 
+@checked
 def verdict_table(verdicts: pd.DataFrame) -> str:
     """Return verdicts as a GitHub-markdown table with one row per statement.
 
@@ -284,6 +290,7 @@ _MEASURE_NAMES = {
 _STATISTIC_NAMES = {"median": " median", "iqr": " IQR", "range": " range", "max": " maximum", "mean": ""}
 
 
+@checked
 def claim(statement: Statement) -> str:
     """Short form of a ``statement``, such as ``"k_z > 0: height median +58.42 % on average"``."""
     s = statement

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from hexakin.checks import checked
 from hexakin.papers.gains import GAIN_LEVELS, GAINS, compared, settings
 from hexakin.papers.scenarios import SCENARIOS, walk
 from hexakin.study.runner import Study, grid
@@ -13,12 +14,14 @@ from hexakin.study.tables import Scalar
 ENGINES = ("rigid", "pybullet")
 
 
+@checked
 def repeats(scenario: str, count: int) -> list[dict[str, int]]:
     """``count`` repeats in a ``scenario``: starts on the ramp; layouts, each with its own start, on the testbed."""
     layouts = SCENARIOS[scenario].has_layouts
     return [{"seed": k, "layout": k if layouts else 0} for k in range(count)]
 
 
+@checked
 def sweeps(
     scenario: str, *, count: int = 10, engines: tuple[str, ...] = ENGINES, time_steps: tuple[float, ...] = (0.002,)
 ) -> Study:
@@ -40,6 +43,7 @@ FINER_STEPS = {"rigid": (0.001, 0.0005), "pybullet": (0.001,)}
 """Time steps [s], besides that of ``sweeps``, with which the comparison of A Figs 16-19 is repeated."""
 
 
+@checked
 def steps(scenario: str, *, count: int = 10) -> Study:
     """Simple control and the chosen gains with finer time steps than in ``sweeps``, as a check of convergence.
 
@@ -55,6 +59,7 @@ def steps(scenario: str, *, count: int = 10) -> Study:
     return Study(f"{scenario}_steps", walk, tuple(runs))
 
 
+@checked
 def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study:
     """``sweeps`` on the rigid engine with the other reading of A(28)-(31), which rotates the footholds themselves.
 
@@ -76,6 +81,7 @@ def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study
     return Study(f"{scenario}_turned", walk, tuple(runs))
 
 
+@checked
 def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Study:
     """All combinations of the six levels of the three gains, on the rigid engine.
 
@@ -89,6 +95,7 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
     return Study(f"{scenario}_grid", walk, tuple(runs))
 
 
+@checked
 def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
     """Simple control and the chosen gains on testbeds with smaller blocks and higher steps, on the rigid engine.
 
@@ -105,6 +112,7 @@ def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
     return Study("testbed_rougher", walk, tuple(runs))
 
 
+@checked
 def open_choices(scenario: str) -> Study:
     """Variation of the choices that the paper leaves open in a ``scenario`` (``hexakin.papers.open_choices``)."""
     from hexakin.papers.open_choices import sensitivity
@@ -138,6 +146,7 @@ STUDIES["ramp_limits"] = near_limits
 STUDIES["manoeuvres"] = manoeuvres
 
 
+@checked
 def fresh(scenario: str, *, count: int = 2) -> Study:
     """Part of ``sweeps`` that the notebooks repeat: all gains on the rigid engine, and one comparison on PyBullet.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS, SIMPLE
 
@@ -50,6 +50,7 @@ EXTREMES = ("highest", "lowest")
 KINDS = (*CHANGES, *EXTREMES, "value", "never", "occurs")
 
 
+@checked
 @dataclass(frozen=True)
 class Statement:
     """One statement of the paper about one statistic of one measure.
@@ -92,6 +93,7 @@ class Statement:
     wording: str
 
 
+@checked
 @dataclass(frozen=True)
 class Verdict:
     """Verdict on a statement, with the measured effect.
@@ -161,6 +163,7 @@ def change_percent(before: ArrayLike, after: ArrayLike) -> Array:
     return 100.0 * (b - a) / np.abs(a)
 
 
+@checked
 def judge(statement: Statement, runs: pd.DataFrame) -> Verdict:
     """Judge a ``statement`` from the runs of one engine with one time step.
 

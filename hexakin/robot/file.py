@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import yaml
 from pydantic import ValidationError
 
-from hexakin.checks import check_path
+from hexakin.checks import check_path, checked
 from hexakin.checks.files import DEEPEST, read_bytes
 from hexakin.exceptions import FileError, RobotFileError, UnknownNameError
 from hexakin.installation import DATA
@@ -32,6 +32,7 @@ def robot_names() -> list[str]:
     return sorted(path.stem for path in (DATA / "robots").glob("*.yaml"))
 
 
+@checked
 def load_robot(name: str | os.PathLike[str]) -> Robot:
     """Load a robot by its name or from a file.
 

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from hexakin.checks import Array, read_only
-from hexakin.exceptions import InvalidInputError
+from hexakin.checks import Array, checked, read_only
 from hexakin.robot.leg_table import LegTable
 from hexakin.transforms import pose, rotation_between
 
@@ -74,6 +73,7 @@ class Servo:
     max_speed: float | None = None
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A legged robot with L legs. Load one with ``hexakin.load_robot``.
@@ -105,6 +105,8 @@ class Robot:
     sources
         The source of each value, by the path of its field in the file.
     """
+
+    made_by: ClassVar[str] = "hexakin.load_robot"
 
     name: str
     reference: str
@@ -181,6 +183,7 @@ class Robot:
         """Return all values of the description, except the sources, as plain data that JSON can store."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name != "sources"}
 
+    @checked
     def fixed_poses(self, leg: int) -> Array:
         """Return the constant poses (4, 4, 4) of leg ``leg`` (index from 0); see ``LegTable.fixed_poses``."""
         return self._fixed_poses[leg]
@@ -190,6 +193,7 @@ class Robot:
         # Cached, because a walk uses it in every control step.
         return read_only([self.table.fixed_poses(leg.values) for leg in self.legs])
 
+    @checked
     def segment_poses(self, leg: int) -> Array:
         """Return the pose (3, 4, 4) of each segment's frame, x towards the next joint, in the frame of its joint.
 
@@ -199,12 +203,6 @@ class Robot:
         return np.array(
             [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
         )
-
-
-def check_robot(robot: object) -> None:
-    """Raise InvalidInputError unless ``robot`` is a Robot; a name or a path must first be loaded."""
-    if not isinstance(robot, Robot):
-        raise InvalidInputError(f"robot: expected what hexakin.load_robot returns, got {robot!r:.80}")
 
 
 def _plain(value: Any) -> Any:

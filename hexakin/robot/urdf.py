@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
 from hexakin.transforms import pose
@@ -17,6 +17,7 @@ TORSO = "torso"
 _UNLIMITED_SPEED = 100.0
 
 
+@checked
 def to_urdf(robot: Robot) -> str:
     """Return the robot as URDF text.
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole
+from hexakin.checks import Array, check_array, check_number, check_whole, checked
 from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller
 from hexakin.engines import Engine, Reading, TorqueLaw, default_engine, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
@@ -16,13 +16,14 @@ from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.motion.clearance import way_to_ground
 from hexakin.motion.recording import Recording
-from hexakin.robot.model import Robot, check_robot
-from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.robot.model import Robot
+from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, rotation_between
 
 _START_CLEARANCE = 1e-3  # [m] smallest gap between the robot and the ground at the start
 
 
+@checked
 def simulate(
     robot: Robot,
     terrain: Terrain,
@@ -90,8 +91,6 @@ def simulate(
     **engine_options
         Options of the class of the engine.
     """
-    check_robot(robot)
-    check_terrain(terrain)
     controller_parameters = check_controller(controller)
     if controller.robot is not robot and controller.robot.description() != robot.description():
         raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hexakin.checks import Array, check_number, check_whole
+from hexakin.checks import Array, check_number, check_whole, checked
 from hexakin.control.interface import Controller, Observation, check_answer, check_controller
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.clearance import foot_gaps, way_to_ground
 from hexakin.motion.motion import Motion
 from hexakin.simulation.closed_loop import starting_pose, torso_height
-from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, transform_points
 
 
+@checked
 def commanded_walk(
     controller: Controller,
     terrain: Terrain,
@@ -37,7 +38,6 @@ def commanded_walk(
     UnknownNameError for another kind of terrain and InvalidInputError for a number out of its range, a controller or a
     command that cannot be used, and an endless walk.
     """
-    check_terrain(terrain)
     check_controller(controller)
     check_number("longest_cycle", longest_cycle, above=0.0, unit="s")
     check_whole("num_cycles", num_cycles, at_least=1)

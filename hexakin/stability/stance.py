@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_poses, read_only
+from hexakin.checks import Array, check_array, check_number, check_poses, checked, read_only
 from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.robot.leg_table import NUM_JOINTS
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 from hexakin.stability.polygon import margin, support_polygon
-from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.terrain.base import Terrain
 from hexakin.transforms import cross_matrix, transform_points
 
 _UNIT = 1e-6  # how far from 1 the length of a unit normal may be
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Contacts:
     """The k contacts of a robot with the ground, with its centre of mass and its mass; k may be 0.
@@ -90,6 +91,7 @@ class Contacts:
         return len(self.points)
 
 
+@checked
 def contacts_of(
     robot: Robot,
     T_world_body: ArrayLike,
@@ -125,8 +127,6 @@ def contacts_of(
     """
     from hexakin import dynamics
 
-    check_robot(robot)
-    check_terrain(terrain)
     legs = robot.num_legs
     T = _exactly("T_world_body", check_poses("T_world_body", T_world_body), (4, 4))
     angles = _exactly("q", q, (legs, NUM_JOINTS), ("leg", "joint"))
@@ -150,6 +150,7 @@ def contacts_of(
     return Contacts((feet + lever)[flags], normals[flags], each[flags], center, robot.mass, rows, bounds)
 
 
+@checked
 def polygon_margin(contacts: Contacts) -> float:
     """Signed distance [m] of the centre of mass to the edge of the support polygon, seen from above.
 
@@ -160,6 +161,7 @@ def polygon_margin(contacts: Contacts) -> float:
     return margin(contacts.center_of_mass[:2], support_polygon(contacts.points))
 
 
+@checked
 def longitudinal_margin(contacts: Contacts, heading: float) -> float:
     """The smaller distance [m] from the centre of mass to the polygon's front and rear edge along ``heading``.
 
@@ -198,6 +200,7 @@ class EnergyMargin(NamedTuple):
     edges: NDArray[np.int_]
 
 
+@checked
 def energy_margin(contacts: Contacts) -> EnergyMargin:
     """The smallest height [m] by which the centre of mass must rise before the robot tips over an edge of its support.
 

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
-from hexakin.checks import Array, check_array, check_number, check_whole, read_only
+from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
 from hexakin.robot.model import GRAVITY
 from hexakin.stability.friction_pyramid import contact_frames, pyramid_edges
@@ -63,6 +63,7 @@ class Support(NamedTuple):
     defined: NDArray[np.bool_]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class SupportRegion:
     """Positions of the centre of mass, seen from above, that contact forces can hold at rest.
@@ -113,6 +114,7 @@ class SupportRegion:
         return self.region_margin_at(point)
 
 
+@checked
 def support_region(
     contacts: Contacts,
     *,
@@ -160,6 +162,7 @@ def support_region(
     return SupportRegion(_vertices(point, 0.1 * tolerance), cut)
 
 
+@checked
 def region_margin(
     contacts: Contacts,
     *,
@@ -177,6 +180,7 @@ def region_margin(
     return region.region_margin_at(contacts.center_of_mass[:2])
 
 
+@checked
 def support(
     contacts: Contacts,
     direction: ArrayLike,

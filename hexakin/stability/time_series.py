@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
@@ -46,11 +46,13 @@ def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
     return ZMP(xy, defined)
 
 
+@checked
 def zmp(recording: Recording) -> ZMP:
     """Zero-moment point A(32), (n, 2) [m], of every tick of a ``recording``, in the body frame (ATHENA's x: right)."""
     return zero_moment_point(recording.p_body_foot, recording.foot_force)
 
 
+@checked
 def static_margin(plan: WalkPlan) -> Array:
     """Signed distance (n,) [m] of the body's origin to the edge of the support polygon of a ``plan``, seen from above.
 
@@ -94,6 +96,7 @@ class StabilitySeries:
     body_touches: NDArray[np.bool_]
 
 
+@checked
 def series(recording: Recording, feet: Literal["loaded", "stance"] = "loaded") -> StabilitySeries:
     """Distance from the zero-moment point to the polygon's centroid and stability margin at every tick (A Figs 18-19).
 

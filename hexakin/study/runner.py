@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hexakin.checks import check_path
+from hexakin.checks import check_path, checked
 from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError
 from hexakin.study.journal import KEPT, Journal, alone, set_aside, write_whole
 from hexakin.study.provenance import Trial, machine, provenance
@@ -39,6 +39,7 @@ except ImportError as error:
     raise MissingPackageError(str(error.name), "a study", f"pip install {error.name}") from error
 
 
+@checked
 @dataclass(frozen=True)
 class Study:
     """A function and the arguments of its calls.
@@ -90,12 +91,14 @@ class Study:
         return len(self.runs)
 
 
+@checked
 def grid(**levels: Iterable[Scalar] | Scalar) -> list[dict[str, Scalar]]:
     """Return all combinations of the ``levels`` of the arguments; the last changes fastest, one value is one level."""
     lists = [[v] if isinstance(v, str) or not isinstance(v, Iterable) else list(v) for v in levels.values()]
     return [dict(zip(levels, values, strict=True)) for values in itertools.product(*lists)]
 
 
+@checked
 def run(
     study: Study,
     folder: str | os.PathLike[str] = "results",
@@ -159,6 +162,7 @@ def run(
     return read_table(csv_path)
 
 
+@checked
 def fault(error: BaseException) -> str:
     """Return the class, the text and the origin (file and line) of ``error`` in one line.
 

@@ -15,10 +15,12 @@ from typing import Any
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from hexakin.checks import checked
 from hexakin.exceptions import NoClosedFormError
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable, pi_multiple
 
 
+@checked
 @dataclass(frozen=True)
 class InverseExpressions:
     """The closed-form inverse of a leg, for a foot at (``x``, ``y``, ``z``) [m] in the body frame (A(14)-(18)).
@@ -42,12 +44,14 @@ class InverseExpressions:
     reach: tuple[sp.Expr, sp.Expr]
 
 
+@checked
 @dataclass(frozen=True)
 class LegKinematics:
     """Symbolic kinematics of one leg type; every property is derived from ``table`` alone."""
 
     table: LegTable
 
+    @checked
     def symbol(self, name: str) -> sp.Symbol:
         """Return the real symbol of the joint or parameter ``name`` of the table."""
         return sp.Symbol(name, real=True)
@@ -84,6 +88,7 @@ class LegKinematics:
                 position += _rotation(word)[:, "xyz".index(axis)] * value
         return sp.Matrix(sp.BlockMatrix([[_rotation(word), position], [sp.zeros(1, 3), sp.ones(1, 1)]]))
 
+    @checked
     def transform(self, start: int, stop: int) -> sp.Matrix:
         """Transformation from frame ``start`` to frame ``stop`` of the table, such as T_01 for (0, 1)."""
         rows = LegTable(self.table.convention, self.table.rows[start:stop], ())
@@ -104,6 +109,7 @@ class LegKinematics:
         """Derivative of the foot's position by the joint angles, 3 x 3."""
         return self.foot.jacobian(self.joints)
 
+    @checked
     def carried(self, joint: int, point: Sequence[sp.Expr | float]) -> sp.Matrix:
         """Position (3 x 1) in the body frame of a point that turns with joint ``joint`` (0 to 2).
 
@@ -177,11 +183,13 @@ class LegKinematics:
         )  # fmt: skip
 
 
+@checked
 def derive(table: LegTable) -> LegKinematics:
     """Return the symbolic kinematics of the leg ``table``, with the table's own names as symbols."""
     return LegKinematics(table)
 
 
+@checked
 def with_functions(
     arguments: Sequence[sp.Symbol], expressions: Sequence[sp.Expr], functions: Mapping[str, Callable[..., Any]]
 ) -> Callable[..., list[Any]]:

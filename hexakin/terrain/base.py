@@ -8,10 +8,11 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array
-from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.checks import Array, check_array, checked
+from hexakin.exceptions import InvalidInputError
 
 
+@checked
 @dataclass(frozen=True)
 class HalfSpace:
     """All points below a plane: ``point`` (3,) [m] lies on it, ``normal`` (3,) is its unit normal out of the ground."""
@@ -20,6 +21,7 @@ class HalfSpace:
     normal: tuple[float, float, float]
 
 
+@checked
 @dataclass(frozen=True)
 class Box:
     """A box parallel to the world's axes, from its corner ``lower`` (3,) [m] to its corner ``upper`` (3,) [m]."""
@@ -70,16 +72,6 @@ def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     except ValueError as error:
         raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not broadcast") from error
     return px, py
-
-
-def check_terrain(terrain: object, *, also: tuple[type, ...] = ()) -> None:
-    """Raise UnknownNameError unless ``terrain`` is a terrain or an instance of one of the classes ``also``.
-
-    A class itself, such as ``Plane`` instead of ``Plane()``, is an error.
-    """
-    if isinstance(terrain, type) or not isinstance(terrain, (Terrain, *also)):
-        names = ["Plane", "Ramp", "Blocks", "HeightField", *(kind.__name__ for kind in also)]
-        raise UnknownNameError("terrain", terrain, [f"hexakin.terrain.{name}(...)" for name in names])
 
 
 def gaps(terrain: Terrain, points: ArrayLike) -> Array:

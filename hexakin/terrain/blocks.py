@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole, read_only
+from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError
 from hexakin.terrain.base import Box, HalfSpace, check_points
 
@@ -17,6 +17,7 @@ _BOTTOM = -0.1  # [m] assumed: blocks begin below the ground, so that nothing ca
 _ROUNDING = 1e-9  # [edges of a block] a point closer than this to a grid line counts as on the line
 
 
+@checked
 @dataclass(frozen=True)
 class Blocks:
     """Square blocks with level tops, like paper A's testbed; the ground around them is level at z = 0.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_whole, read_only
+from hexakin.checks import Array, check_array, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError
 
 
@@ -18,6 +18,7 @@ def _zero(*arguments: Array) -> Array:
     return np.zeros_like(arguments[0])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class LegCurves:
     """A reference curve, and coefficients that give each leg's curve (B(14)-(16)).

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_number
+from hexakin.checks import Array, check_number, checked
 from hexakin.terrain.base import HalfSpace, check_points
 
 
@@ -49,6 +49,7 @@ class _Planes:
         return distance.min(axis=-1)
 
 
+@checked
 @dataclass(frozen=True)
 class Plane(_Planes):
     """Level ground at ``z`` [m]."""
@@ -63,6 +64,7 @@ class Plane(_Planes):
         return (HalfSpace((0.0, 0.0, self.z), (0.0, 0.0, 1.0)),)
 
 
+@checked
 @dataclass(frozen=True)
 class Ramp(_Planes):
     """A ramp that rises with ``slope`` [rad] in the direction ``heading`` [rad] (from the x axis; pi/2 is +y).

@@ -14,14 +14,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number
+from hexakin.checks import Array, check_array, check_number, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.kinematics.forward import forward_kinematics
-from hexakin.robot.model import Robot, check_robot
+from hexakin.robot.model import Robot
 
 _ROUNDING = 1e-9  # of a cycle
 
 
+@checked
 @dataclass(frozen=True)
 class Gait:
     """A periodic gait: leg i lifts off at ``offsets[i]`` of a cycle and touches down 1 - duty_factor later.
@@ -71,6 +72,7 @@ class Gait:
         even = np.allclose(first, np.arange(count) / count, atol=_ROUNDING)
         return bool(even and abs(1.0 - self.duty_factor - 1.0 / count) < _ROUNDING)
 
+    @checked
     def swinging(self, phase: int) -> NDArray[np.bool_]:
         """Whether each leg swings in a phase of a gait with equal phases, (L,) bool.
 
@@ -97,6 +99,7 @@ class Gait:
         return int(np.isnan(self.swing_share(np.concatenate([instants, between]))).sum(axis=-1).min())
 
 
+@checked
 def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
     """Gait of equal phases: ``groups[k]`` are the legs (indices from 0) that swing in phase k of a cycle.
 
@@ -112,6 +115,7 @@ def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
     return Gait(name, 1.0 - 1.0 / len(groups), tuple(offsets))
 
 
+@checked
 def tripod(robot: Robot) -> Gait:
     """Tripod gait: legs {1, 3, 5} swing, then {2, 4, 6}, numbered around the body (A section 4.1, B(15)).
 
@@ -122,6 +126,7 @@ def tripod(robot: Robot) -> Gait:
     return in_groups("tripod", ((0, 2, 4), (1, 3, 5)))
 
 
+@checked
 def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> Gait:
     """Wave gait: on each side the legs swing from rear to front, and the two sides are half a cycle apart.
 
@@ -138,11 +143,13 @@ def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> 
     return Gait(name, beta, tuple(np.maximum(offsets, 0.0)))
 
 
+@checked
 def ripple(robot: Robot) -> Gait:
     """Ripple gait: the wave gait with duty factor 2/3, in which the swings of the two sides overlap by half."""
     return wave(robot, 2.0 / 3.0, "ripple")
 
 
+@checked
 def tetrapod(robot: Robot) -> Gait:
     """Tetrapod gait of six legs: three pairs, each of a left and a right leg, swing one after the other.
 
@@ -158,13 +165,13 @@ GAITS = {"tripod": tripod, "tetrapod": tetrapod, "ripple": ripple, "wave": wave}
 """Functions that return the named gaits for a robot."""
 
 
+@checked
 def gait_of(robot: Robot, gait: str | Gait) -> Gait:
     """Return the gait of a given name for a robot, or check a ``Gait`` and return it.
 
     ``gait`` is a name in ``GAITS`` or a ``Gait``. Raises UnknownNameError for a name that is not in ``GAITS``, and
     InvalidInputError if the numbers of legs differ or if at some time fewer than three legs are in stance.
     """
-    check_robot(robot)
     if isinstance(gait, str):
         if gait not in GAITS:
             raise UnknownNameError("gait", gait, list(GAITS))

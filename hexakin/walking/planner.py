@@ -12,13 +12,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole
+from hexakin.checks import Array, check_array, check_number, check_whole, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
 from hexakin.motion.walk_plan import WalkPlan
-from hexakin.robot.model import Robot, check_robot
-from hexakin.terrain.base import Terrain, check_terrain
+from hexakin.robot.model import Robot
+from hexakin.terrain.base import Terrain
 from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, transform_points
 from hexakin.walking.body_path import body_poses
@@ -31,6 +31,7 @@ HEIGHT_REFERENCES = ("footholds", "start")
 ORIENTATIONS = ("level", "parallel")
 
 
+@checked
 @dataclass(frozen=True)
 class WalkReport:
     """Measures of a plan, as ``check_plan`` returns them.
@@ -63,6 +64,7 @@ class WalkReport:
     advance_error: float
 
 
+@checked
 def plan_walk(
     robot: Robot,
     terrain: Terrain | LegCurves,
@@ -201,6 +203,7 @@ def plan_walk(
     )
 
 
+@checked
 def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
     """Measure the accuracy, continuity and limits of a ``plan`` of paper B for its robot; see ``WalkReport``.
 
@@ -240,8 +243,6 @@ def _check(arguments: dict[str, Any]) -> Gait:
     """Return the gait; raise InvalidInputError or UnknownNameError for an argument that cannot be used."""
     a = arguments
     robot = a["robot"]
-    check_robot(robot)
-    check_terrain(a["terrain"], also=(LegCurves,))
     if isinstance(a["terrain"], LegCurves) and a["terrain"].num_legs != robot.num_legs:
         raise InvalidInputError(f"terrain: curves for {a['terrain'].num_legs} legs, {robot.name} has {robot.num_legs}")
     if a["gait"] is not None and not isinstance(a["gait"], Gait):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 
 
 def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
@@ -23,6 +23,7 @@ def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
     return u**3 * p[..., 0, :] + 3 * u**2 * t * p[..., 1, :] + 3 * u * t**2 * p[..., 2, :] + t**3 * p[..., 3, :]
 
 
+@checked
 def swing_control_points(
     start: ArrayLike, displacement: ArrayLike, forward: ArrayLike, stride: float, apex: float
 ) -> Array:
