@@ -18,7 +18,7 @@ def public_objects():
                 found[f"{value.__module__}.{value.__qualname__}"] = value
                 if inspect.isclass(value):
                     for method, of in inspect.getmembers(value, _is_ours):
-                        if not method.startswith("_") and not inspect.isclass(of):
+                        if not method.startswith("_") and getattr(of, "__name__", "") == method:
                             found[f"{value.__module__}.{value.__qualname__}.{method}"] = of
     return dict(sorted(found.items()))
 

@@ -166,11 +166,11 @@ def run(
 def fault(error: BaseException) -> str:
     """Return the class, the text and the origin (file and line) of ``error`` in one line.
 
-    The origin is left out if it is this module or Python's import system.
+    The origin is left out if it is this module or Python's import system, or if the error was never raised.
     """
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    here = last.filename == __file__ or last.filename.startswith("<frozen")
-    where = "" if here else f" ({Path(last.filename).name}, line {last.lineno})"
+    last = (traceback.extract_tb(error.__traceback__) or [None])[-1]
+    here = last is None or last.filename == __file__ or last.filename.startswith("<frozen")
+    where = "" if last is None or here else f" ({Path(last.filename).name}, line {last.lineno})"
     return f"{type(error).__name__}: {error}{where}"
 
 
