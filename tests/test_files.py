@@ -48,7 +48,7 @@ def test_what_is_no_path_is_named_wherever_a_path_is_received(short_walk, athena
     ]
     calls += [] if value is None else [lambda: statements(path=value)]
     for call in calls:
-        with pytest.raises(InvalidInputError, match=r"(path|name|folder): expected a path, got "):
+        with pytest.raises(InvalidInputError, match=r"(path|name|folder): expected (a path|text.* PathLike).*, got "):
             call()
 
 

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import hexakin as hk
 from hexakin.exceptions import InvalidInputError
@@ -58,7 +60,8 @@ def hills():
 
 def test_a_height_field_passes_through_its_points_and_is_flat_between(hills, rng):
     assert hills.height(hills.x[:, None], hills.y[None, :]) == pytest.approx(hills.z, abs=1e-15)
-    vertices, triangles = hills.shapes()[0]
+    (mesh,) = hills.shapes()
+    vertices, triangles = mesh.vertices, mesh.triangles
     corners = vertices[triangles[rng.integers(len(triangles), size=300)]]
     weights = rng.dirichlet(np.ones(3), size=300)
     points = np.einsum("nk,nki->ni", weights, corners)
@@ -123,3 +126,160 @@ def test_athena_stands_on_a_height_field_as_on_the_plane_it_is(athena):
         athena, flat, hk.PostureController(athena, stride=0.0, apex=0.0), duration=1.0, time_step=0.005
     )
     assert recording.height == pytest.approx(np.full(20, 0.104), abs=2e-3)
+
+
+def first_triangle(mesh, origin, direction):
+    """Distances along rays to the first triangle of a mesh, by Möller and Trumbore (1997)."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    found = []
+    for o, d in zip(origin, direction, strict=True):
+        side = np.cross(d, c - a)
+        determinant = np.einsum("ti,ti->t", b - a, side)
+        ok = np.abs(determinant) > 1e-14
+        scale = np.where(ok, determinant, 1.0)
+        u = np.einsum("ti,ti->t", o - a, side) / scale
+        other = np.cross(o - a, b - a)
+        v = other @ d / scale
+        t = np.einsum("ti,ti->t", c - a, other) / scale
+        hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1.0 + 1e-9) & (t >= 0.0)
+        found.append(t[hit].min(initial=np.inf))
+    return np.array(found)
+
+
+@given(seed=st.integers(0, 2**32 - 1), nx=st.integers(2, 12), ny=st.integers(2, 12), rough=st.floats(0.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_a_ray_ends_at_the_first_triangle_that_it_meets(seed, nx, ny, rough):
+    rng = np.random.default_rng(seed)
+    x, y = np.linspace(-1.0, 1.0, nx) + rng.uniform(-9, 9), np.linspace(0.0, 1.5, ny)
+    field = hk.terrain.HeightField(x, y, rng.uniform(0.0, rough, (nx, ny)))
+    origin = np.column_stack([rng.uniform(x[0], x[-1], 40), rng.uniform(0.0, 1.5, 40), rng.uniform(-0.1, 1.2, 40)])
+    direction = rng.normal(size=(40, 3))
+    direction[:8] = np.vstack([np.eye(3), -np.eye(3), [[0.6, 0.8, 0.0], [0.0, -0.6, -0.8]]])
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    gap = origin[:, 2] - field.height(origin[:, 0], origin[:, 1])
+    above = gap > 1e-6  # closer to the ground it depends on rounding which of its triangles is the first
+    distance = field.distance_along(origin, direction)
+    expected = first_triangle(field.shapes()[0], origin[above], direction[above])
+    grazes = np.isfinite(expected) != np.isfinite(distance[above])  # an edge of the grid, or of a triangle
+    assert distance[above][~grazes] == pytest.approx(expected[~grazes], abs=1e-7)
+    assert grazes.sum() <= 1
+    assert np.array_equal(distance[gap <= 0.0], gap[gap <= 0.0])
+
+
+def test_the_work_for_a_ray_does_not_grow_with_its_length(hills, monkeypatch):
+    looked_up = []
+    height = hk.terrain.HeightField._height
+    monkeypatch.setattr(
+        hk.terrain.HeightField, "_height", lambda self, x, y: looked_up.append(x.size) or height(self, x, y)
+    )
+    for distance in (1e1, 1e6, 1e9):
+        tilt = 0.5 / distance
+        direction = np.array([tilt, 0.0, -np.sqrt(1.0 - tilt * tilt)])
+        end = hills.distance_along([0.0, 0.0, distance], direction)
+        assert end == pytest.approx(distance, rel=0.02)
+    assert max(looked_up) <= 2 * (len(hills.x) + len(hills.y)) + 2
+
+
+EVERY = [*TERRAINS, hk.terrain.Blocks(), hk.terrain.HeightField([-1, 1], [-1, 1], np.zeros((2, 2)))]
+
+
+@pytest.mark.parametrize("terrain", EVERY, ids=lambda terrain: type(terrain).__name__)
+@pytest.mark.parametrize(
+    "origin, direction, message",
+    [
+        ([0, 0, np.nan], [0, 0, -1], "origin: .* is nan"),
+        ([0, 0, 1e10], [0, 0, -1], r"origin: 1e\+10 m, expected within 1e\+09 m"),
+        ([0, 0], [0, 0, -1], "origin: expected shape"),
+        ("up", [0, 0, -1], "origin: expected numbers"),
+        ([0, 0, 1], [0, 0, 0], "direction: expected unit vectors, got one of length 0"),
+        ([0, 0, 1], [0, 0, -2], "direction: expected unit vectors, got one of length 2"),
+        ([0, 0, 1], [0, 0, -1e300], "direction: expected unit vectors"),
+        ([0, 0, 1], [0, np.inf, -1], "direction: .* is inf"),
+        (np.zeros((2, 3)), np.tile([0, 0, -1], (3, 1)), "origin, direction: shapes .* do not broadcast"),
+    ],
+)
+def test_what_is_no_ray_is_named_by_every_terrain(terrain, origin, direction, message):
+    with pytest.raises(InvalidInputError, match=message):
+        terrain.distance_along(origin, direction)
+
+
+@pytest.mark.parametrize("terrain", EVERY, ids=lambda terrain: type(terrain).__name__)
+@pytest.mark.parametrize(
+    "x, y, message",
+    [
+        (np.nan, 0.0, "x: .* nan"),
+        (0.0, -1e300, r"y: -1e\+300 m, expected within 1e\+09 m"),
+        (np.zeros(2), np.zeros(3), "x, y: shapes .* do not broadcast"),
+        (None, 0.0, "x: "),
+    ],
+)
+def test_what_is_no_point_is_named_by_every_terrain(terrain, x, y, message):
+    for function in (terrain.height, terrain.normal):
+        with pytest.raises(InvalidInputError, match=message):
+            function(x, y)
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda t: t.HeightField([0, 1], [0, 1], np.zeros((5, 2, 2))), r"z: expected shape \(2, 2\), got \(5, 2, 2\)"),
+        (lambda t: t.HeightField([0, 1], [0, 1], np.full((2, 2), 1e300)), r"z: 1e\+300 m, expected within"),
+        (lambda t: t.HeightField([0, 1e300], [0, 1], np.zeros((2, 2))), r"x: 1e\+300 m, expected within"),
+        (
+            lambda t: t.HeightField(np.arange(3000), np.arange(3000), np.broadcast_to(0.0, (3000, 3000))),
+            "3000 x 3000 points, expected at most 4000000",
+        ),
+        (lambda t: t.Blocks(extent=(-3e4, 3e4, -3e4, 3e4)), "about 9e.10 blocks"),
+        (lambda t: t.Blocks(extent=(0, 1e300, 0, 1)), r"extent: 1e\+300 m, expected within"),
+        (lambda t: t.Blocks(size=1e-300), "blocks of the extent"),
+        (lambda t: t.Plane(z=1e300), "Plane: z: "),
+        (lambda t: t.Box((0, 0, 0), (1, 1, -1)), r"Box: upper: \(1.0, 1.0, -1.0\), expected above lower"),
+        (lambda t: t.Box((0, 0, 0), (1, 1, 0)), "Box: upper: "),
+        (lambda t: t.Box((0, 0, np.nan), (1, 1, 1)), "Box: lower: .* nan"),
+        (lambda t: t.Box((0, 0), (1, 1)), "lower: expected 3 values"),
+        (lambda t: t.HalfSpace((0, 0, 0), (0, 0, 0)), "HalfSpace: normal: expected unit vectors, got one of length 0"),
+        (lambda t: t.HalfSpace((0, 0, 0), (0, 0, 2)), "HalfSpace: normal: expected unit vectors"),
+        (lambda t: t.HalfSpace(np.zeros((2, 3)), (0, 0, 1)), "point: expected 3 values"),
+        (lambda t: t.TriangleMesh(np.zeros((3, 3)), [[0, 1, 3]]), "triangles: 3, expected indices of 3 vertices"),
+        (lambda t: t.TriangleMesh(np.zeros((3, 3)), [[0, 1, -1]]), "triangles: -1, expected indices"),
+        (lambda t: t.TriangleMesh(np.zeros((3, 3)), [[0.0, 1.0, 2.0]]), "of whole numbers, got .* float64"),
+        (lambda t: t.TriangleMesh(np.zeros((3, 2)), [[0, 1, 2]]), "vertices: expected shape"),
+        (lambda t: t.TriangleMesh(np.zeros((3, 3)), [0, 1, 2]), r"triangles \(t, 3\) .*got .* and \(3,\)"),
+    ],
+)
+def test_impossible_terrains_and_shapes_are_refused(make, message):
+    with pytest.raises(InvalidInputError, match=message):
+        make(hk.terrain)
+
+
+def test_shapes_are_values_that_cannot_change():
+    box = hk.terrain.Box(np.zeros(3), np.ones(3))
+    assert box == hk.terrain.Box((0, 0, 0), (1, 1, 1)) and box.lower == (0.0, 0.0, 0.0)
+    mesh = hk.terrain.TriangleMesh(np.eye(3), np.array([[0, 1, 2]]))
+    assert not mesh.vertices.flags.writeable and not mesh.triangles.flags.writeable
+
+
+@pytest.mark.parametrize(
+    "references, message",
+    [
+        ({"reference_y": lambda: 0.0}, r"reference_y must be a function of \(s\)"),
+        ({"reference_z": lambda s: s}, r"reference_z must be a function of \(s, y\)"),
+        ({"reference_y": 1.0}, "reference_y: expected a function, got 1.0"),
+        ({"reference_y": lambda s: np.zeros(7)}, "reference_y must return numbers of its argument's shape"),
+        ({"reference_y": lambda s: [[1], [1, 2]]}, "reference_y must return numbers of its argument's shape"),
+        ({"reference_y": lambda s: "0.1"}, "reference_y must return numbers of its argument's shape"),
+        ({"reference_y": lambda s: s + 1j}, "reference_y must return numbers of its argument's shape"),
+        ({"reference_y": lambda s: None}, "reference_y must return numbers of its argument's shape"),
+        ({"reference_z": lambda s, y: s * np.nan}, "reference_z is not finite everywhere"),
+        ({"num_legs": 10**9}, "num_legs: 1000000000, expected at most 100"),
+    ],
+)
+def test_curves_that_are_none_are_named(references, message):
+    with pytest.raises(InvalidInputError, match=message):
+        hk.terrain.LegCurves(**references).displacement(np.zeros((3, 6)))
+
+
+def test_the_text_of_curves_that_end_does_not_fail():
+    curves = hk.terrain.LegCurves(lambda s: np.where(s < 0.5, 0.0, np.nan))
+    assert "not finite everywhere" in repr(curves)
+    assert hk.terrain.LegCurves(np.sin).displacement(np.zeros((1, 6))).shape == (1, 6, 3)

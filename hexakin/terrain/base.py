@@ -3,42 +3,83 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, checked
+from hexakin.checks import Array, check_array, checked, read_only
 from hexakin.exceptions import InvalidInputError
+
+FARTHEST = 1e9
+"""Largest coordinate [m] of a terrain or a point; assumed: a hundred times those of maps, and rounded to 0.1 um."""
+
+_UNIT_ERROR = 1e-6  # allowed error of a unit vector's length; rounding in single precision is below it
 
 
 @checked
 @dataclass(frozen=True)
 class HalfSpace:
-    """All points below a plane: ``point`` (3,) [m] lies on it, ``normal`` (3,) is its unit normal out of the ground."""
+    """All points below a plane: ``point`` (3,) [m] lies on it, ``normal`` (3,) is its unit normal out of the ground.
+
+    Raises InvalidInputError for other shapes, a normal that is no unit vector, and coordinates beyond 1e9 m.
+    """
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", _triple("HalfSpace: point", self.point))
+        object.__setattr__(self, "normal", _triple("HalfSpace: normal", self.normal))
+        _check_unit("HalfSpace: normal", np.array(self.normal))
 
 
 @checked
 @dataclass(frozen=True)
 class Box:
-    """A box parallel to the world's axes, from its corner ``lower`` (3,) [m] to its corner ``upper`` (3,) [m]."""
+    """A box parallel to the world's axes, from its corner ``lower`` (3,) [m] to its corner ``upper`` (3,) [m].
+
+    Raises InvalidInputError for other shapes, corners of which one is not below the other along all axes, and
+    coordinates beyond 1e9 m.
+    """
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
 
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper"):
+            object.__setattr__(self, name, _triple(f"Box: {name}", getattr(self, name)))
+        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise InvalidInputError(f"Box: upper: {self.upper}, expected above lower {self.lower} along each axis")
 
-class TriangleMesh(NamedTuple):
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
     """A surface of triangles.
 
     ``vertices`` (v, 3) [m] are its points; ``triangles`` (t, 3) are indices of three points each, counter-clockwise
-    seen from above.
+    seen from above. Raises InvalidInputError for other shapes, indices without a point, and coordinates beyond 1e9 m.
     """
 
     vertices: Array
     triangles: NDArray[np.int_]
+
+    def __post_init__(self) -> None:
+        vertices = read_only(check_positions("TriangleMesh: vertices", self.vertices, (3,)))
+        triangles = np.array(self.triangles)
+        if vertices.ndim != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+            raise InvalidInputError(
+                "TriangleMesh: expected vertices (v, 3) and triangles (t, 3) of whole numbers, got "
+                f"{vertices.shape} and {triangles.shape} of {triangles.dtype}"
+            )
+        outside = (triangles < 0) | (triangles >= len(vertices))
+        if outside.any():
+            raise InvalidInputError(
+                f"TriangleMesh: triangles: {triangles[outside][0]}, expected indices of {len(vertices)} vertices"
+            )
+        triangles.setflags(write=False)
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "triangles", triangles)
 
 
 @runtime_checkable
@@ -61,17 +102,59 @@ class Terrain(Protocol):
         """Return the shapes for an engine; their union is the ground."""
 
 
-def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Return ``x`` (...) and ``y`` (...) [m] as finite float arrays of the same shape.
+def check_positions(name: str, value: ArrayLike, trailing: tuple[int, ...] = (), labels: tuple[str, ...] = ()) -> Array:
+    """Return coordinates ``value`` (..., *trailing) [m] as a float array.
 
-    Raises InvalidInputError if they are not finite numbers or do not broadcast.
+    ``name`` and ``labels`` are for the message, as in ``check_array``. Raises InvalidInputError unless the coordinates
+    are finite numbers within 1e9 m of zero.
     """
-    px, py = check_array("x", x, ()), check_array("y", y, ())
+    array = check_array(name, value, trailing, labels)
+    if array.size and np.abs(array).max() > FARTHEST:
+        raise InvalidInputError(f"{name}: {array.flat[np.abs(array).argmax()]:g} m, expected within {FARTHEST:g} m")
+    return array
+
+
+def check_points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Return ``x`` (...) and ``y`` (...) [m] as float arrays of the same shape.
+
+    Raises InvalidInputError if they are not finite numbers within 1e9 m, or do not broadcast.
+    """
+    px, py = check_positions("x", x), check_positions("y", y)
     try:
         px, py = np.broadcast_arrays(px, py)
     except ValueError as error:
         raise InvalidInputError(f"x, y: shapes {px.shape} and {py.shape} do not broadcast") from error
     return px, py
+
+
+def check_rays(origin: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
+    """Return ``origin`` (..., 3) [m] and ``direction`` (..., 3), unit vectors, as float arrays of the same shape.
+
+    Raises InvalidInputError for origins beyond 1e9 m, directions that are no unit vectors, and shapes that do not
+    broadcast.
+    """
+    p, d = check_positions("origin", origin, (3,)), check_array("direction", direction, (3,))
+    _check_unit("direction", d)
+    try:
+        p, d = np.broadcast_arrays(p, d)
+    except ValueError as error:
+        raise InvalidInputError(f"origin, direction: shapes {p.shape} and {d.shape} do not broadcast") from error
+    return p, d
+
+
+def _check_unit(name: str, vectors: Array) -> None:
+    with np.errstate(over="ignore"):
+        lengths = np.sqrt((vectors * vectors).sum(axis=-1))
+    if not (np.abs(lengths - 1.0) <= _UNIT_ERROR).all():
+        worst = lengths.flat[np.argmax(np.abs(lengths - 1.0))]
+        raise InvalidInputError(f"{name}: expected unit vectors, got one of length {worst:.7g}")
+
+
+def _triple(name: str, value: ArrayLike) -> tuple[float, ...]:
+    array = check_positions(name, value, (3,))
+    if array.ndim != 1:
+        raise InvalidInputError(f"{name}: expected three numbers, got shape {array.shape}")
+    return tuple(array.tolist())
 
 
 def gaps(terrain: Terrain, points: ArrayLike) -> Array:

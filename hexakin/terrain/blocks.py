@@ -8,12 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
+from hexakin.checks import Array, check_number, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain.base import Box, HalfSpace, check_points
+from hexakin.terrain.base import Box, HalfSpace, check_points, check_positions, check_rays
 
 _MAX_BLOCKS = 100_000  # assumed: far more than any walk needs; in an engine every block is a separate body
 _BOTTOM = -0.1  # [m] assumed: blocks begin below the ground, so that nothing can get between block and ground
+_RAYS_AND_LINES = 1_000_000  # handled at once, which takes about 0.1 GB of memory
 _ROUNDING = 1e-9  # [edges of a block] a point closer than this to a grid line counts as on the line
 
 
@@ -76,7 +77,7 @@ class Blocks:
 
     def _tuple(self, name: str, length: int) -> tuple[float, ...]:
         """Convert a field to a tuple of plain numbers, so that equal terrains have equal representations."""
-        values = check_array(f"Blocks: {name}", getattr(self, name), (length,), ("number",))
+        values = check_positions(f"Blocks: {name}", getattr(self, name), (length,), ("number",))
         if values.ndim != 1:
             raise InvalidInputError(f"Blocks: {name}: expected {length} numbers, got shape {values.shape}")
         numbers = tuple(float(value) for value in values)
@@ -167,7 +168,15 @@ class Blocks:
         if the ray misses the ground. If the origin is under the ground, the result is the vertical gap, which is
         negative.
         """
-        p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
+        p, d = check_rays(origin, direction)
+        rays = np.concatenate([p, d], axis=-1).reshape(-1, 6)
+        at_once = max(_RAYS_AND_LINES // (len(self.x_edges) + len(self.y_edges)), 1)
+        parts = [self._distances(rays[k : k + at_once]) for k in range(0, len(rays), at_once)]
+        return np.concatenate([np.empty(0), *parts]).reshape(p.shape[:-1])
+
+    def _distances(self, rays: Array) -> Array:
+        """Return the distances (n,) [m] to the ground along rays (n, 6), each an origin and a unit vector."""
+        p, d = rays[:, :3], rays[:, 3:]
         gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
         x, y, z, dx, dy, dz = (values[..., axis, None] for values in (p, d) for axis in range(3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, read_only
+from hexakin.checks import Array, read_only
 from hexakin.exceptions import InvalidInputError
-from hexakin.terrain.base import TriangleMesh, check_points
+from hexakin.terrain.base import TriangleMesh, check_points, check_positions, check_rays
+
+MOST_POINTS = 4_000_000
+"""Largest number of points of a field; assumed: the engines' mesh of 8 million triangles then takes 0.3 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +25,8 @@ class HeightField:
     Between the grid points the ground consists of flat triangles, the same for heights, normals and engines. A
     descending axis, as in images and elevation data, is turned round together with ``z``, so that ``x`` and ``y`` of
     the terrain ascend. An axis of single precision is evenly spaced if it is so up to its rounding. Raises
-    InvalidInputError for a grid that is not evenly spaced and for values that are not finite. Its functions raise
-    InvalidInputError for points outside the grid.
+    InvalidInputError for a grid that is not evenly spaced, for values that are not finite or beyond 1e9 m, and for more
+    than 4 million points. Its functions raise InvalidInputError for points outside the grid.
     """
 
     x: Array
@@ -30,7 +35,11 @@ class HeightField:
 
     def __post_init__(self) -> None:
         x, y = (_axis(f"HeightField: {name}", getattr(self, name)) for name in ("x", "y"))
-        z = check_array("HeightField: z", self.z, (len(x), len(y)))
+        if len(x) * len(y) > MOST_POINTS:
+            raise InvalidInputError(f"HeightField: {len(x)} x {len(y)} points, expected at most {MOST_POINTS}")
+        z = check_positions("HeightField: z", self.z, (len(x), len(y)))
+        if z.ndim != 2:
+            raise InvalidInputError(f"HeightField: z: expected shape {(len(x), len(y))}, got {z.shape}")
         ways = [-1 if axis[0] > axis[1] else 1 for axis in (x, y)]
         for name, values in (("x", x[:: ways[0]]), ("y", y[:: ways[1]]), ("z", z[:: ways[0], :: ways[1]])):
             object.__setattr__(self, name, read_only(values))
@@ -42,14 +51,17 @@ class HeightField:
             f"HeightField({grid}, x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m, {digest})"
         )
 
-    def _cell(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
-        """Return height and slopes (per cell) of the triangle under each point, and the position in its cell."""
+    def _checked(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         px, py = check_points(x, y)
-        u, v = (px - self.x[0]) / (self.x[1] - self.x[0]), (py - self.y[0]) / (self.y[1] - self.y[0])
         outside = ~((px >= self.x[0]) & (px <= self.x[-1]) & (py >= self.y[0]) & (py <= self.y[-1]))
         if outside.any():
             at = tuple(np.argwhere(outside)[0])
             raise InvalidInputError(f"({px[at]:.4g}, {py[at]:.4g}) m lies outside the {self!r}")
+        return px, py
+
+    def _cell(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return height and slopes (per cell) of the triangle under each point, and the position in its cell."""
+        u, v = (x - self.x[0]) / (self.x[1] - self.x[0]), (y - self.y[0]) / (self.y[1] - self.y[0])
         i, j = np.minimum(u.astype(int), len(self.x) - 2), np.minimum(v.astype(int), len(self.y) - 2)
         u, v = u - i, v - j
         z00, z10, z01, z11 = self.z[i, j], self.z[i + 1, j], self.z[i, j + 1], self.z[i + 1, j + 1]
@@ -58,14 +70,17 @@ class HeightField:
         corner = np.where(near, z00, z10 + z01 - z11)
         return corner, du, dv, u, v
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
+    def _height(self, x: Array, y: Array) -> Array:
         corner, du, dv, u, v = self._cell(x, y)
         return corner + du * u + dv * v
 
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return the height (...) [m] of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
+        return self._height(*self._checked(x, y))
+
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the unit normal (..., 3) out of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
-        _, du, dv, _, _ = self._cell(x, y)
+        _, du, dv, _, _ = self._cell(*self._checked(x, y))
         slope_x, slope_y = du / (self.x[1] - self.x[0]), dv / (self.y[1] - self.y[0])
         normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -74,35 +89,57 @@ class HeightField:
         """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
 
         ``direction`` (..., 3) is the ray's unit vector. The distance is inf if the ray leaves the grid. From an origin
-        under the ground it is the vertical gap, which is negative. The origin must lie inside the grid.
+        on or under the ground it is the vertical gap, which is zero or negative. The origin must lie inside the grid.
         """
-        p, d = np.broadcast_arrays(check_array("origin", origin, (3,)), check_array("direction", direction, (3,)))
-        flat = [self._ray(o, r) for o, r in zip(p.reshape(-1, 3), d.reshape(-1, 3), strict=True)]
-        return np.array(flat).reshape(p.shape[:-1])
+        p, d = check_rays(origin, direction)
+        gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
+        flat = [
+            float(above) if above <= 0.0 else self._ray(o.tolist(), r.tolist())
+            for above, o, r in zip(gap.flat, p.reshape(-1, 3), d.reshape(-1, 3), strict=True)
+        ]
+        return np.array(flat).reshape(gap.shape)
 
-    def _ray(self, origin: Array, direction: Array) -> float:
-        gap = float(origin[2] - self.height(origin[0], origin[1]))
-        if gap <= 0.0:
-            return gap
-        if direction[2] >= 0.0 and origin[2] > self.z.max():
-            return np.inf
-        cell = min(self.x[1] - self.x[0], self.y[1] - self.y[0])
-        longest = np.hypot(np.ptp(self.x), np.ptp(self.y)) + np.ptp(self.z) + abs(origin[2] - self.z.min())
-        # Sample the ray every quarter of a cell, then bisect the first interval in which it crosses the ground.
-        at = np.arange(0.0, longest, cell / 4.0)
-        points = origin + at[:, None] * direction
-        inside = (points[:, 0] >= self.x[0]) & (points[:, 0] <= self.x[-1])
-        inside &= (points[:, 1] >= self.y[0]) & (points[:, 1] <= self.y[-1])
-        count = len(at) if inside.all() else int(np.argmin(inside))
-        below = points[:count, 2] < self.height(points[:count, 0], points[:count, 1])
-        if not below.any():
-            return np.inf
-        low, high = at[np.argmax(below) - 1], at[np.argmax(below)]
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            x, y, z = origin + middle * direction
-            low, high = (low, middle) if z < self.height(x, y) else (middle, high)
-        return float(high)
+    @cached_property
+    def _range(self) -> tuple[float, float]:
+        return float(self.z.min()), float(self.z.max())
+
+    def _ray(self, origin: list[float], direction: list[float]) -> float:
+        """Return the distance to the ground along a ray from above it.
+
+        Between two lines of the mesh, along x, y or a diagonal, ground and ray are straight. The first such piece at
+        whose end the ray is under the ground contains the point where it enters it.
+        """
+        lowest, highest = self._range
+        # The part of the ray over the grid, not above the highest point, and at most one metre below the lowest.
+        begin, end = 0.0, math.inf
+        slabs = ((self.x[0], self.x[-1]), (self.y[0], self.y[-1]), (lowest - 1.0, highest))
+        for p, d, (low, high) in zip(origin, direction, slabs, strict=True):
+            if d == 0.0:
+                if p > high:
+                    return math.inf
+                continue
+            first, last = sorted(((float(low) - p) / d, (float(high) - p) / d))
+            begin, end = max(begin, first), min(end, last)
+        if begin > end:
+            return math.inf
+        at = [np.array([begin, end])]
+        u, du, v, dv = (
+            number
+            for axis, p, d in ((self.x, origin[0], direction[0]), (self.y, origin[1], direction[1]))
+            for number in ((p - axis[0]) / (axis[1] - axis[0]), d / (axis[1] - axis[0]))
+        )
+        for place, speed in ((u, du), (v, dv), (u + v, du + dv)):
+            if abs(speed) * (end - begin) > 0.0:
+                low, high = sorted((place + begin * speed, place + end * speed))
+                at.append((np.arange(math.ceil(low), math.floor(high) + 1) - place) / speed)
+        t = np.sort(np.concatenate(at).clip(begin, end))
+        x = (origin[0] + t * direction[0]).clip(self.x[0], self.x[-1])
+        y = (origin[1] + t * direction[1]).clip(self.y[0], self.y[-1])
+        gap = origin[2] + t * direction[2] - self._height(x, y)
+        k = int(np.argmax(gap < 0.0))
+        if gap[k] >= 0.0:
+            return math.inf
+        return float(t[k] if k == 0 else t[k - 1] + (t[k] - t[k - 1]) * gap[k - 1] / (gap[k - 1] - gap[k]))
 
     def shapes(self) -> tuple[TriangleMesh, ...]:
         """Return the surface as one triangle mesh."""
@@ -116,7 +153,7 @@ class HeightField:
 
 def _axis(name: str, values: ArrayLike) -> Array:
     """Return an axis of the grid (n,) [m] as float64; raise InvalidInputError if it is not evenly spaced."""
-    axis = check_array(name, values, ())
+    axis = check_positions(name, values)
     if axis.ndim != 1 or len(axis) < 2:
         raise InvalidInputError(f"{name}: expected at least two evenly spaced values, got shape {axis.shape}")
     even = np.linspace(axis[0], axis[-1], len(axis))

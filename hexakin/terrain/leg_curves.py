@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,6 +12,20 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError
+from hexakin.terrain.base import check_positions
+
+_MOST_LEGS = 100  # more than any robot file may have
+
+
+def _takes(function: Callable[..., object], count: int) -> bool:
+    """Return whether a function can be called with ``count`` arguments, as far as Python knows."""
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    except ValueError:  # some compiled functions do not say what they take
+        pass
+    return True
 
 
 def _zero(*arguments: Array) -> Array:
@@ -30,7 +45,8 @@ class LegCurves:
     The curves are not one height over the plane: two legs may pass the same place at different heights. With k[0, j]
     other than 1 a leg lags behind the body or runs ahead of it until it is out of reach.
 
-    Raises InvalidInputError if a reference is not a function, or for a ``k`` of wrong shape or not finite.
+    Raises InvalidInputError if a reference is not a function of these arguments, for a ``k`` of wrong shape or not
+    finite, and for more than 100 legs.
 
     Parameters
     ----------
@@ -50,20 +66,30 @@ class LegCurves:
     num_legs: int = 6
 
     def __post_init__(self) -> None:
-        check_whole("LegCurves: num_legs", self.num_legs, at_least=1)
-        for name in ("reference_y", "reference_z"):
-            if not callable(getattr(self, name)):
-                raise InvalidInputError(f"LegCurves: {name} must be a function, got {getattr(self, name)!r:.80}")
+        if check_whole("LegCurves: num_legs", self.num_legs, at_least=1) > _MOST_LEGS:
+            raise InvalidInputError(f"LegCurves: num_legs: {self.num_legs}, expected at most {_MOST_LEGS}")
+        for name, arguments in (("reference_y", "s"), ("reference_z", "s, y")):
+            function = getattr(self, name)
+            if not callable(function):
+                raise InvalidInputError(f"LegCurves: {name} must be a function, got {function!r:.80}")
+            if not _takes(function, len(arguments.split())):
+                raise InvalidInputError(f"LegCurves: {name} must be a function of ({arguments})")
         k = np.ones((3, self.num_legs)) if self.k is None else self.k
         object.__setattr__(self, "k", read_only(check_array("LegCurves: k", k, (3, self.num_legs), ("row", "leg"))))
 
     def __repr__(self) -> str:
-        sample = self.displacement(np.linspace(0.0, 1.0, 101)[:, None])
-        return f"LegCurves(k={np.asarray(self.k).tolist()}, curves {hashlib.sha256(sample.tobytes()).hexdigest()[:12]})"
+        try:
+            sample = self.displacement(np.linspace(0.0, 1.0, 101)[:, None])
+            curves = hashlib.sha256(sample.tobytes()).hexdigest()[:12]
+        except InvalidInputError:
+            curves = "not finite everywhere"
+        return f"LegCurves(k={np.asarray(self.k).tolist()}, curves {curves})"
 
     def _reference(self, name: str, *arguments: Array) -> Array:
-        values = np.asarray(getattr(self, name)(*arguments))
         try:
+            values = np.asarray(getattr(self, name)(*arguments))
+            if values.dtype.kind not in "biuf":
+                raise TypeError(f"got {values.dtype}")
             result = np.broadcast_to(values, arguments[0].shape).astype(float)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(
@@ -79,7 +105,7 @@ class LegCurves:
         ``s`` (..., L) or (..., 1) [m] is the distance along the walk, for each leg or for all. Raises InvalidInputError
         for another shape, or if a reference curve does not return finite numbers of its argument's shape.
         """
-        distance = np.asarray(s, dtype=float)
+        distance = check_positions("s", s)
         if distance.ndim == 0 or distance.shape[-1] not in (1, self.num_legs):
             raise InvalidInputError(f"s: expected shape (..., {self.num_legs}) or (..., 1), got {distance.shape}")
         y = self._reference("reference_y", distance)

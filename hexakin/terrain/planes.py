@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_number, checked
-from hexakin.terrain.base import HalfSpace, check_points
+from hexakin.terrain.base import FARTHEST, HalfSpace, check_points, check_rays
 
 
 class _Planes:
@@ -42,8 +42,9 @@ class _Planes:
         for an origin under the ground.
         """
         point, normal = self._planes()
-        gap = np.einsum("...pi,pi->...p", np.asarray(origin, dtype=float)[..., None, :] - point, normal)
-        speed = -np.einsum("...i,pi->...p", np.asarray(direction, dtype=float), normal)
+        p, d = check_rays(origin, direction)
+        gap = np.einsum("...pi,pi->...p", p[..., None, :] - point, normal)
+        speed = -np.einsum("...i,pi->...p", d, normal)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(speed > 0.0, gap / speed, np.where(gap >= 0.0, np.inf, -np.inf))
         return distance.min(axis=-1)
@@ -57,7 +58,7 @@ class Plane(_Planes):
     z: float = 0.0
 
     def __post_init__(self) -> None:
-        check_number("Plane: z", self.z, unit="m")
+        check_number("Plane: z", self.z, at_least=-FARTHEST, at_most=FARTHEST, unit="m")
 
     def shapes(self) -> tuple[HalfSpace, ...]:
         """Return the half space below ``z``."""
@@ -82,7 +83,7 @@ class Ramp(_Planes):
         check_number("Ramp: slope", self.slope, at_least=-np.pi / 3, at_most=np.pi / 3, unit="rad")
         check_number("Ramp: heading", self.heading, unit="rad")
         if self.start is not None:
-            check_number("Ramp: start", self.start, unit="m")
+            check_number("Ramp: start", self.start, at_least=-FARTHEST, at_most=FARTHEST, unit="m")
             check_number("Ramp: slope", self.slope, at_least=0.0, unit="rad")
 
     def shapes(self) -> tuple[HalfSpace, ...]:
