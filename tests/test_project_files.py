@@ -143,13 +143,21 @@ def test_lines_of_the_documents_are_not_longer_than_code():
 # Continuous integration
 
 
-def test_the_workflow_runs_the_projects_own_command_on_pushes_and_pull_requests():
+def test_the_workflow_runs_the_projects_own_commands_on_pushes_and_pull_requests():
     workflow = yaml.safe_load(text_of(".github/workflows/ci.yml"))
     # YAML 1.1 reads the key "on" as true.
     assert set(workflow[True]) == {"push", "pull_request"}
-    (job,) = workflow["jobs"].values()
-    assert job["runs-on"].startswith("ubuntu")
-    assert [step["run"] for step in job["steps"] if "run" in step] == [".ci/run"]
-    (python,) = [step["with"] for step in job["steps"] if "setup-python" in step.get("uses", "")]
-    assert python["python-version"] == "3.11" and python["cache"] == "pip"
-    assert (ROOT / python["cache-dependency-path"]).is_file() and (ROOT / ".ci" / "run").is_file()
+    tests, wheel = workflow["jobs"]["tests"], workflow["jobs"]["wheel"]
+    assert tests["runs-on"].startswith("ubuntu")
+    assert [step["run"] for step in tests["steps"] if "run" in step] == [".ci/run"]
+    assert wheel["strategy"]["matrix"]["python-version"] == ["3.11", "3.12", "3.13", "3.14"]
+    assert {name.partition("-")[0] for name in wheel["strategy"]["matrix"]["os"]} == {"ubuntu", "macos"}
+    assert wheel["steps"][-1]["run"].startswith("python tests/wheel ")
+    for job in (tests, wheel):
+        (python,) = [step["with"] for step in job["steps"] if "setup-python" in step.get("uses", "")]
+        assert python["cache"] == "pip" and (ROOT / python["cache-dependency-path"]).is_file()
+
+
+def test_continuous_integration_runs_the_tests_and_then_the_wheel():
+    commands = [line for line in text_of(".ci/run").splitlines() if line.startswith("make ")]
+    assert commands == ["make test", "make test-wheel"]

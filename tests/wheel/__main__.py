@@ -1,0 +1,125 @@
+"""Install the built wheel into a fresh environment, as a user does, and use it there from empty folders.
+
+    python tests/wheel                 # with Python 3.13
+    python tests/wheel /path/to/python
+
+The wheel gets the versions of environment.txt and the extra ``animation``, nothing else of this project. The command
+line, the script use.py and the examples of README.md are run; then PyBullet is removed, and all of it is run again.
+``make test-wheel`` calls this file.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+VERSION = "3.13"
+PYBULLET = ("pybullet", "pybullet-arm64")  # distributions of the one module
+LONGEST = 900  # [s]; only a command that hangs takes so long
+
+
+def interpreter(version: str) -> str:
+    """Return a Python of this version that runs: from the PATH, as uv finds it, or from pyenv."""
+    found = [shutil.which(f"python{version}"), output([sys.executable, "-m", "uv", "python", "find", version])]
+    if pyenv := output(["pyenv", "root"]):
+        found += sorted(map(str, Path(pyenv, "versions").glob(f"{version}.*/bin/python{version}")))
+    for python in found:
+        if python and output([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]) == version:
+            return python
+    sys.exit(f"No Python {version} was found. Install it, or name one: python tests/wheel /path/to/python")
+
+
+def output(command: list[str]) -> str:
+    """Return what a command prints; empty if it fails or does not exist."""
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=LONGEST).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def install(python: str, folder: Path) -> Path:
+    """Build the wheel, install it into a new environment in ``folder``, and return the environment's programs."""
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
+    programs = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
+    pip = [programs / "python", "-m", "pip", "install", "-qq", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--constraint", ROOT / "environment.txt", f"{wheel}[animation]"], check=True)
+    return programs
+
+
+def examples() -> Iterator[tuple[str, str]]:
+    """Yield the headings and the code of the README's examples; those without hexakin need a cluster of machines."""
+    for section in re.split(r"^## ", README, flags=re.MULTILINE):
+        for code in re.findall(r"^```python\n(.*?)^```", section, re.MULTILINE | re.DOTALL):
+            if "import hexakin as hk" in code:
+                yield section.partition("\n")[0], code
+
+
+def run(name: str, command: list[str | Path], folder: Path, says: str = "") -> None:
+    """Run a command in a new folder that has only the README's ``mine.yaml``; ``says`` must be in what it prints."""
+    empty = folder / re.sub(r"\W+", "_", name)
+    shutil.rmtree(empty, ignore_errors=True)
+    empty.mkdir()
+    (robot,) = re.findall(r"^```yaml\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    (empty / "mine.yaml").write_text(robot, encoding="utf-8")
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    start = time.perf_counter()
+    done = subprocess.run(
+        command, cwd=empty, env=clean, timeout=LONGEST, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    if done.returncode != 0 or not done.stdout.strip() or says not in done.stdout:
+        sys.exit(f"{name}: exit code {done.returncode}, expected 0 and {says!r} in its output:\n{done.stdout}")
+    print(f"  {time.perf_counter() - start:5.1f} s  {name}", flush=True)
+
+
+def use(programs: Path, folder: Path, engine: str) -> int:
+    """Run everything once, and return the number of commands. ``engine`` is the one that hk.simulate must choose."""
+    python, hexakin = programs / "python", programs / "hexakin"
+    version = re.search(r'__version__ = "(.+)"', (ROOT / "hexakin" / "installation.py").read_text(encoding="utf-8"))
+    commands: list[tuple[str, list[str | Path], str]] = [
+        ("hexakin --version", [hexakin, "--version"], f"hexakin {version[1] if version else ''}"),
+        ("hexakin robot athena", [hexakin, "robot", "athena"], "standing"),
+        ("hexakin robot mine.yaml", [hexakin, "robot", "mine.yaml"], "beetle"),
+        ("hexakin study", [hexakin, "study"], "pip install SALib"),  # listed, though SALib is not installed
+        ("hexakin statements", [python, "-m", "hexakin", "statements"], "| A 10"),
+        ("use.py", [python, Path(__file__).with_name("use.py"), engine], f"{engine} is the default"),
+    ]
+    for number, (heading, code) in enumerate(examples(), start=1):
+        file = folder / f"example_{number}.py"
+        file.write_text(code, encoding="utf-8")
+        commands.append((f"README: {heading}", [python, file], ""))
+    for name, command, says in commands:
+        run(name, command, folder, says)
+    return len(commands)
+
+
+def main() -> None:
+    python = sys.argv[1] if len(sys.argv) > 1 else interpreter(VERSION)
+    with tempfile.TemporaryDirectory() as name:
+        folder, count = Path(name), 0
+        print(f"Installing the wheel with {python}", flush=True)
+        programs = install(python, folder)
+        pip = [str(programs / "python"), "-m", "pip", "--disable-pip-version-check"]
+        there = [package for package in PYBULLET if output([*pip, "show", package])]
+        if there:
+            print(f"With {there[0]}:", flush=True)
+            count += use(programs, folder, "pybullet")
+            subprocess.run([*pip, "uninstall", "--quiet", "--yes", *there], check=True)
+        print("Without PyBullet:", flush=True)
+        count += use(programs, folder, "rigid")
+    print(f"tests of the wheel: {count} passed, 0 failed")
+
+
+if __name__ == "__main__":
+    main()
