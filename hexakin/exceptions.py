@@ -134,6 +134,10 @@ class SimulationError(HexakinError, RuntimeError):
     """A simulation cannot continue: the state is not finite any more, or the robot has left the scene."""
 
 
+class TerrainFileError(HexakinError, ValueError):
+    """A file of elevation data cannot be read, or its contents are not usable as a terrain."""
+
+
 class FileError(HexakinError, OSError):
     """A file cannot be read or written: it is missing, damaged or too large, or its folder is missing or full."""
 

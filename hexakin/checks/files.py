@@ -23,14 +23,24 @@ DEEPEST = 32
 _MOST_MEMBERS = 1000  # arrays in one archive; a recording has about 30
 
 
+def check_file(path: Path) -> None:
+    """Raise FileError unless ``path`` is a regular file."""
+    try:
+        if not path.exists():
+            raise FileError(f"{path}: no such file")
+        if not path.is_file():
+            raise FileError(f"{path}: cannot be read (not a file)")
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
 def read_bytes(path: Path, most: int) -> bytes:
     """Return the contents of a regular file.
 
     Raises FileError if ``path`` is missing, is not a regular file, cannot be read or is longer than ``most`` [bytes].
     """
+    check_file(path)
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: cannot be read (not a file)")
         with open(path, "rb") as stream:
             data = stream.read(most + 1)
     except OSError as error:
@@ -120,9 +130,8 @@ def opened_arrays(path: Path, most: int) -> Iterator[Arrays]:
     is not such an archive, or if its arrays are larger, contradict the sizes in the archive's directory, or do not
     consist of numbers, flags or text.
     """
+    check_file(path)
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path}: cannot be read (not a file)")
         stream = open(path, "rb")
     except OSError as error:
         raise _unreadable(path, error) from error

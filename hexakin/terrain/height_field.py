@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, read_only
-from hexakin.exceptions import InvalidInputError
-from hexakin.terrain.base import TriangleMesh, check_points, check_positions, check_rays
-
-MOST_POINTS = 4_000_000
-"""Largest number of points of a field; assumed: the engines' mesh of 8 million triangles then takes 0.3 GB."""
+from hexakin.checks import Array, check_path, read_only
+from hexakin.exceptions import InvalidInputError, TerrainFileError
+from hexakin.terrain.base import MOST_POINTS, TriangleMesh, check_points, check_positions, check_rays
+from hexakin.terrain.elevation_file import read_elevation
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,61 @@ class HeightField:
         ways = [-1 if axis[0] > axis[1] else 1 for axis in (x, y)]
         for name, values in (("x", x[:: ways[0]]), ("y", y[:: ways[1]]), ("z", z[:: ways[0], :: ways[1]])):
             object.__setattr__(self, name, read_only(values))
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        scale: float | None = None,
+        pixel: float | tuple[float, float] | None = None,
+        heights: tuple[float, float] | None = None,
+        missing: float | Literal["nearest"] | None = None,
+        origin: tuple[float, float] | Literal["centre"] | None = None,
+        window: tuple[float, float, float, float] | None = None,
+    ) -> HeightField:
+        """Read elevation data from a file; its ending says what it is.
+
+        - ``.tif``, ``.tiff``: GeoTIFF, with one band; ``.asc``: ESRI ASCII grid. The package rasterio reads them.
+        - ``.npz``: NumPy archive of the arrays ``x`` (nx,) and ``y`` (ny,) [m], and ``z`` (nx, ny) [m] or in units of
+          ``scale``.
+        - ``.png``: grey image of 8 or 16 bit. The centre of its lower left pixel is at x = y = 0.
+
+        North is up in all of them but ``.npz``: the first row has the largest y. A point of the grid is the centre of a
+        pixel. Coordinates are those of the file, in metres, and have double precision. A file without coordinate system
+        is taken to be in metres.
+
+        Raises InvalidInputError for an argument out of its range, and MissingPackageError without rasterio. Raises
+        TerrainFileError, which names the file and the fault, if it cannot be read, has more than 4 million points (in
+        the ``window``), missing heights, coordinates in degrees or another unit than metres, or a rotated grid.
+
+        Parameters
+        ----------
+        path
+            Path of the file.
+        scale
+            Metres per unit of the stored heights: 0.001 for millimetres, 0.3048 for feet; with None 1. It is needed if
+            the file states another unit than metres, and is not for ``.png``.
+        pixel
+            Width of a pixel [m], or width and height. It is needed for files without coordinates: ``.png``, and
+            ``.tif`` without georeference.
+        heights
+            Heights [m] of black and of white in a ``.png``.
+        missing
+            What replaces missing heights, NaN or the file's "no data": a height [m], or ``"nearest"`` for the height of
+            the nearest point that has one. With None, missing heights are an error that names the first.
+        origin
+            Point (x, y) [m], in the file's coordinates, that becomes x = y = 0, where walks begin; ``"centre"`` is the
+            middle of the grid. With None, coordinates stay as they are. Maps have coordinates of 500 km and more.
+        window
+            Part (x_min, x_max, y_min, y_max) [m] to read, in the file's coordinates; None reads all.
+        """
+        file = check_path("path", path)
+        x, y, z = read_elevation(file, scale, pixel, heights, missing, origin, window)
+        try:
+            return cls(x, y, z)
+        except InvalidInputError as error:
+            raise TerrainFileError(f"{file}: {error}") from error
 
     def __repr__(self) -> str:
         digest = hashlib.sha256(self.z.tobytes()).hexdigest()[:12]
