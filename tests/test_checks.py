@@ -1,11 +1,12 @@
 """Checks of poses, and the functions that receive poses."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
 import hexakin as hk
-from hexakin.checks import check_poses
+from hexakin.checks import check_columns, check_flags, check_poses, check_same_length, check_shape
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures import draw_wireframe
 from hexakin.transforms import pose
@@ -76,3 +77,33 @@ def test_a_motion_whose_times_run_backwards_is_not_checked(athena):
     back = hk.Recording(**columns | {"time": walk.time[::-1]}, parameters=walk.parameters)
     with pytest.raises(InvalidInputError, match=r"motion: time must ascend, but 0.1 s follows 0.15 s \(index 1\)"):
         hk.feasibility.check(athena, back, ground)
+
+
+def test_flags_are_true_false_or_the_numbers_of_a_table():
+    for flags in ([True, False], [1, 0], np.array([1.0, 0.0])):
+        np.testing.assert_array_equal(check_flags("feasible", flags, (2,)), [True, False])
+    for wrong in (["True", "False"], [2, 0], [0.5, 0.0], [float("nan"), 0.0]):
+        with pytest.raises(InvalidInputError, match="feasible: expected"):
+            check_flags("feasible", wrong, (2,))
+
+
+def test_a_shape_holds_for_all_axes():
+    assert check_shape("q", [[1, 2, 3]], (None, 3)).shape == (1, 3)
+    for wrong in (1.0, [1.0, 2.0, 3.0], np.zeros((1, 1, 3)), np.zeros((1, 4))):
+        with pytest.raises(InvalidInputError, match=r"q: expected shape \(n, 3\), got"):
+            check_shape("q", wrong, (None, 3))
+    with pytest.raises(InvalidInputError, match=r"limits: expected shape \(2,\), got \(3,\)"):
+        check_shape("limits", [1.0, 2.0, 3.0], (2,))
+
+
+def test_arguments_of_different_lengths_are_named():
+    assert check_same_length(labels=["a", "b"], colours=("red", "blue")) == 2
+    with pytest.raises(InvalidInputError, match="labels, colours: 1, 2 values, expected equally many"):
+        check_same_length(labels=["a"], colours=("red", "blue"))
+
+
+def test_columns_that_a_table_lacks_are_named():
+    table = pd.DataFrame({"seed": [0], "status": ["ok"]})
+    check_columns("runs", table, ["seed", "status"])
+    with pytest.raises(InvalidInputError, match="runs: missing columns engine, layout"):
+        check_columns("runs", table, ["engine", "seed", "layout", "engine"])

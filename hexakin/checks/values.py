@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 import os
+from collections.abc import Iterable, Sized
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -122,13 +123,14 @@ def check_number(
     return number
 
 
-def check_whole(name: str, value: object, *, at_least: int = 0) -> int:
-    """Return ``value`` as an int if it is a whole number, ``at_least`` or more; otherwise raise InvalidInputError.
+def check_whole(name: str, value: object, *, at_least: int = 0, at_most: int | None = None) -> int:
+    """Return ``value`` as an int if it is a whole number within its bounds; otherwise raise InvalidInputError.
 
-    ``name`` is the argument's name in the message.
+    The bounds ``at_least`` and ``at_most`` are inclusive. ``name`` is the argument's name in the message.
     """
-    if not is_whole(value) or value < at_least:
-        raise InvalidInputError(f"{name}: {shown(value)}, expected a whole number of at least {at_least}")
+    if not is_whole(value) or value < at_least or (at_most is not None and value > at_most):
+        bounds = f"of at least {at_least}" if at_most is None else f"from {at_least} to {at_most}"
+        raise InvalidInputError(f"{name}: {shown(value)}, expected a whole number {bounds}")
     return int(value)
 
 
@@ -171,3 +173,55 @@ def check_path(name: str, value: object) -> Path:
     if not isinstance(text, str) or text == "" or "\0" in text:
         raise InvalidInputError(f"{name}: expected a path, got {shown(value)}")
     return Path(text)
+
+
+def check_shape(name: str, value: ArrayLike, shape: tuple[int | None, ...], labels: tuple[str, ...] = ()) -> Array:
+    """Convert ``value`` to a float array of just this ``shape``, and check that all elements are finite.
+
+    A size None stands for any. ``name`` and ``labels`` are as in ``check_array``. Raises InvalidInputError.
+    """
+    array = _as_floats(name, value)
+    _check_sizes(name, array, shape)
+    return check_array(name, array, array.shape, labels)
+
+
+def check_flags(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.bool_]:
+    """Return ``value`` as an array of flags of just this ``shape``; a size None stands for any.
+
+    The numbers 0 and 1 are flags, as they are in tables; other numbers and texts are none. ``name`` is the argument's
+    name in the message. Raises InvalidInputError.
+    """
+    array = _as_floats(name, value)
+    _check_sizes(name, array, shape)
+    if not np.isin(array, (0.0, 1.0)).all():
+        raise InvalidInputError(f"{name}: expected True or False for each element, got {shown(value)}")
+    return array.astype(bool)
+
+
+def _check_sizes(name: str, array: Array, shape: tuple[int | None, ...]) -> None:
+    fits = len(array.shape) == len(shape) and all(n in (m, None) for m, n in zip(array.shape, shape, strict=True))
+    if not fits:
+        sizes = ", ".join("n" if size is None else str(size) for size in shape)
+        expected = f"({sizes},)" if len(shape) == 1 else f"({sizes})"
+        raise InvalidInputError(f"{name}: expected shape {expected}, got {array.shape}")
+
+
+def check_same_length(**given: Sized) -> int:
+    """Return the common length of arguments that belong together, given by name; raise InvalidInputError if it differs.
+
+    ``given`` are the arguments.
+    """
+    lengths = [len(value) for value in given.values()]
+    if len(set(lengths)) > 1:
+        raise InvalidInputError(f"{', '.join(given)}: {', '.join(map(str, lengths))} values, expected equally many")
+    return lengths[0]
+
+
+def check_columns(name: str, table: Any, columns: Iterable[str]) -> None:
+    """Raise InvalidInputError, which names the columns, if the DataFrame ``table`` lacks some of ``columns``.
+
+    ``name`` is the argument's name in the message.
+    """
+    missing = [column for column in dict.fromkeys(columns) if column not in table.columns]
+    if missing:
+        raise InvalidInputError(f"{name}: missing columns {', '.join(missing)}")

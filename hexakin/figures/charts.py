@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, checked
+from hexakin.checks import Array, check_number, check_same_length, check_shape, checked
 from hexakin.exceptions import InvalidInputError
-from hexakin.figures.style import ENGINE_COLOURS, GREY, LEG_COLOURS
+from hexakin.figures.style import ENGINE_COLOURS, GREY, LEG_COLOURS, check_colours
 
 _SUMMARY = ("minimum", "lower quartile", "median", "upper quartile", "maximum")
 _MOST_PRINTED = 8  # columns or rows; numbers do not fit into more cells if the map is a third of a page wide
@@ -36,10 +36,19 @@ def box_groups(
         Colours of the groups.
     ylabel
         Label of the vertical axis, with the unit.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are not as many labels and colours as groups, a group has no sample, or a sample is no list of numbers.
     """
+    check_same_length(groups=groups, labels=labels, colours=colours)
+    check_colours("colours", colours)
     width, position, ticks = 0.7, 0.0, []
-    for sample, colour in zip(groups, colours, strict=True):
-        values = [np.asarray(repeat) for repeat in sample]
+    for label, sample, colour in zip(labels, groups, colours, strict=True):
+        values = [check_shape(f"groups: {label}", repeat, (None,)) for repeat in sample]
+        if not values:
+            raise InvalidInputError(f"groups: {label}: no sample")
         places = position + np.arange(len(values))
         ax.boxplot(
             values,
@@ -102,6 +111,7 @@ def draw_boxes(
         ``paper`` is not one of the words in ``levels``.
     """
     places = _places(levels)
+    check_colours("colours", list(colours.values()))
     boxes = {name: _check_summary(name, summary, len(places)) for name, summary in summaries.items()}
     gap = float(np.diff(np.sort(places)).min()) if len(places) > 1 else 1.0
     slot = 0.8 * gap / max(len(boxes), 1)
@@ -130,7 +140,7 @@ def draw_boxes(
         x = centers[:, None] + 0.6 * slot * jitter
         label = "median of one repeat" if k == len(boxes) - 1 else None
         ax.plot(x.ravel(), summary[..., 2].ravel(), "o", ms=2.2, mfc="w", mec="k", mew=0.4, zorder=3, label=label)
-    marks = [(_place(level, levels), y) for level, y in paper]
+    marks = [(_place(level, levels), check_number("paper: value", y)) for level, y in paper]
     if marks:
         ax.plot(*np.array(marks).T, "D", color="k", ms=4.5, mec="w", mew=0.6, zorder=4, label="paper")
     words = [level if isinstance(level, str) else f"{level:g}" for level in levels]
@@ -153,7 +163,7 @@ def draw_sweep(
     """Draw paper A's three panels over a gain: torso height [mm], pitch rate and roll rate [rad/s] per gait cycle.
 
     One legend for all panels is put below the figure. Raises InvalidInputError under the same conditions as
-    ``draw_boxes``.
+    ``draw_boxes``, and if a panel has no summaries, axes or title.
 
     Parameters
     ----------
@@ -174,8 +184,15 @@ def draw_sweep(
         Colours by engine, as for ``draw_boxes``.
     """
     reported = paper or {}
+    panels = dict.fromkeys(_PANELS)
+    check_same_length(axes=axes, titles=titles, panels=panels)
+    if missing := [measure for measure in panels if measure not in summaries]:
+        raise InvalidInputError(f"summaries: none of {', '.join(missing)}")
     for ax, (measure, (label, unit)), title in zip(axes, _PANELS.items(), titles, strict=True):
-        boxes = {name: unit * np.asarray(values) for name, values in summaries[measure].items()}
+        boxes = {
+            name: unit * _check_summary(f"{measure}: {name}", summary, len(levels))
+            for name, summary in summaries[measure].items()
+        }
         marks = [(level, unit * value) for level, value in reported.get(measure, ())]
         draw_boxes(ax, boxes, levels, label, xlabel=xlabel, paper=marks, colours=colours)
         ax.set_ylim(bottom=0.0)
@@ -194,9 +211,9 @@ _PANELS = {
 def _places(levels: Sequence[float] | Sequence[str]) -> Array:
     """Return the places (n,) of levels along an axis: numbers at their values, words at 0, 1, ..."""
     named = [isinstance(level, str) for level in levels]
-    if not named or any(named) != all(named):
-        raise InvalidInputError(f"levels: expected numbers or words, at least one, got {list(levels)!r}")
-    places = np.arange(len(levels), dtype=float) if all(named) else check_array("levels", np.asarray(levels), ())
+    if not named:
+        raise InvalidInputError("levels: expected at least one")
+    places = np.arange(len(levels), dtype=float) if all(named) else check_shape("levels", levels, (None,))
     if len(set(levels)) < len(levels):
         raise InvalidInputError(f"levels: {list(levels)!r} contain a level twice")
     return places
@@ -208,14 +225,14 @@ def _place(level: float | str, levels: Sequence[float] | Sequence[str]) -> float
         if level not in levels:
             raise InvalidInputError(f"paper: level {level!r} is not one of {list(levels)!r}")
         return float(list(levels).index(level))
-    return float(check_array("paper: level", level, ()))
+    return check_number("paper: level", level)  # type: ignore[arg-type]
 
 
 def _check_summary(name: str, summary: ArrayLike, count: int) -> Array:
     """Return a summary as an array (levels, repeats, 5) whose five numbers ascend, or raise InvalidInputError."""
-    values = check_array(f"summaries: {name}", summary, (5,), ("number",))
-    if values.ndim != 3 or values.shape[0] != count or values.shape[1] == 0:
-        raise InvalidInputError(f"summaries: {name}: expected shape ({count} levels, repeats, 5), got {values.shape}")
+    values = check_shape(f"summaries: {name}", summary, (count, None, 5), ("level", "repeat", "number"))
+    if values.shape[1] == 0:
+        raise InvalidInputError(f"summaries: {name}: no repeat")
     wrong = np.argwhere(np.diff(values, axis=-1) < 0.0)
     if len(wrong):
         level, repeat, k = wrong[0]
@@ -242,7 +259,8 @@ def heat_map(
 ) -> None:
     """Draw a map of equal cells with a colour bar; the values are printed in maps of up to 8 by 8 cells.
 
-    Raises InvalidInputError if ``values`` have another shape or ``mark`` has a level that the map does not have.
+    Raises InvalidInputError if ``values`` have another shape, ``mark`` has a level that the map does not have, or the
+    first of ``limits`` exceeds the second.
 
     Parameters
     ----------
@@ -262,11 +280,14 @@ def heat_map(
         Values at both ends of the colour bar, so that maps side by side can have the same colours. None takes the
         smallest and largest value of the map.
     """
+    for name, levels in (("x_levels", x_levels), ("y_levels", y_levels)):
+        if not check_shape(name, levels, (None,)).size:
+            raise InvalidInputError(f"{name}: expected at least one level")
     shape = len(y_levels), len(x_levels)
-    cells = check_array("values", values, shape, ("y level", "x level"))
-    if cells.ndim != 2 or cells.size == 0:
-        raise InvalidInputError(f"values: expected shape {shape}, got {cells.shape}")
-    low, high = (cells.min(), cells.max()) if limits is None else limits
+    cells = check_shape("values", values, shape, ("y level", "x level"))
+    low, high = (cells.min(), cells.max()) if limits is None else check_shape("limits", limits, (2,))
+    if low > high:
+        raise InvalidInputError(f"limits: {low:g} exceeds {high:g}")
     edges = [np.arange(count + 1) - 0.5 for count in shape]
     mesh = ax.pcolormesh(
         edges[1], edges[0], cells, cmap="viridis", vmin=low, vmax=high, edgecolors="w", linewidth=0.5, zorder=1
@@ -339,14 +360,13 @@ def bar_effects(
     engines
         Names of the engines, which determine the colours. Empty if there is one bar per effect.
     """
+    if not len(names):
+        raise InvalidInputError("names: expected at least one effect")
     shape = (len(engines), len(names)) if len(engines) else (len(names),)
     given = [
-        check_array(name, v, shape, ("engine", "effect")[-len(shape) :])
+        check_shape(name, v, shape, ("engine", "effect")[-len(shape) :])
         for name, v in (("values", values), ("low", low), ("high", high))
     ]
-    for name, array in zip(("values", "low", "high"), given, strict=True):
-        if array.shape != shape:
-            raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
     length, begin, end = (array.reshape(-1, len(names)) for array in given)
     if (begin > end).any():
         row, effect = np.argwhere(begin > end)[0]

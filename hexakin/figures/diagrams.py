@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, checked
+from hexakin.checks import Array, check_number, check_same_length, check_shape, check_whole, checked
+from hexakin.exceptions import UnknownNameError
 from hexakin.figures.style import BLUE, GREY, MM, RED
 from hexakin.kinematics.forward import forward_kinematics, segment_poses
+from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 from hexakin.walking.gait import Gait
+
+_MOST_CYCLES = 100  # more could not be told apart
 
 
 @checked
 def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -> None:
     """Draw the diagram of ``gait`` on ``ax``: for each leg a bar while its foot is on the ground.
 
-    ``names`` are the names of the legs, from top to bottom; ``cycles`` is the number of gait cycles shown. The time
-    axis counts cycles.
+    ``names`` are the names of the legs, from top to bottom; ``cycles`` is the number of gait cycles shown, at most 100.
+    The time axis counts cycles. Raises InvalidInputError for another number of names or cycles.
     """
+    check_same_length(names=names, legs=gait.offsets)
+    check_number("cycles", cycles, above=0.0, at_most=_MOST_CYCLES)
     for leg, (offset, name) in enumerate(zip(gait.offsets, names, strict=True)):
         lands = offset + 1.0 - gait.duty_factor
         starts = np.arange(np.floor(-lands) - 1.0, cycles + 1.0) + lands
@@ -42,10 +48,12 @@ def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -
 def plot_leg_angles(ax: Axes, x: ArrayLike, q: ArrayLike, robot: Robot) -> None:
     """Plot one leg's three angles ``q`` (n, 3) [rad] on ``ax``, in degrees, with the names of the robot's joints.
 
-    ``x`` (n,), in the unit of the horizontal axis, which the caller labels.
+    ``x`` (n,), in the unit of the horizontal axis, which the caller labels. Raises InvalidInputError for other shapes.
     """
-    for name, angle, style in zip(robot.table.joints, np.degrees(np.asarray(q)).T, ("-", "--", "-."), strict=True):
-        ax.plot(np.asarray(x), angle, style, label=_symbol(name))
+    across = check_shape("x", x, (None,))
+    angles = check_shape("q", q, (len(across), NUM_JOINTS), ("sample", "joint"))
+    for name, angle, style in zip(robot.table.joints, np.degrees(angles).T, ("-", "--", "-."), strict=True):
+        ax.plot(across, angle, style, label=_symbol(name))
     ax.set_ylabel("angle [deg]")
     ax.margins(x=0.0)
 
@@ -62,9 +70,11 @@ def draw_joint_angles(top: Axes, side: Axes, robot: Robot, q: ArrayLike, leg: in
 
     ``top`` shows the mounting angle and the first joint, ``side`` the second and third joint. ``q`` (L, 3) [rad] are
     the angles of all legs, ``leg`` is the index of the leg, from 0. The drawing is right for legs of paper A's kind,
-    whose first axis is vertical and whose angles count from the direction of the mount and upwards.
+    whose first axis is vertical and whose angles count from the direction of the mount and upwards. Raises
+    InvalidInputError if ``q`` has another shape or the robot does not have the leg.
     """
-    q = np.asarray(q, dtype=float)
+    q = check_shape("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
+    check_whole("leg", leg, at_most=robot.num_legs - 1)
     poses, foot = segment_poses(robot, q)[leg], forward_kinematics(robot, q)[leg]
     points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
     mount = float(np.arctan2(points[1, 1], points[1, 0]))
@@ -101,12 +111,19 @@ def _angle_arcs(ax: Axes, points: Array, starts: list[float], ends: list[float],
 
 
 @checked
-def flow_chart(ax: Axes, steps: dict[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
+def flow_chart(ax: Axes, steps: Mapping[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str, str]]) -> None:
     """Draw a flow chart on ``ax``.
 
     ``steps`` gives for each name (x, y, text), with x and y from 0 to 1 across the axes; a text that ends in "?" gets
-    the colour of a decision. ``arrows`` are (name, name, label), from the first step to the second.
+    the colour of a decision. ``arrows`` are (name, name, label), from the first step to the second. Raises
+    InvalidInputError for a place outside the axes, and UnknownNameError for an arrow to or from an unknown step.
     """
+    for name, (x, y, _) in steps.items():
+        check_number(f"steps: {name}: x", x, at_least=0.0, at_most=1.0)
+        check_number(f"steps: {name}: y", y, at_least=0.0, at_most=1.0)
+    for name in (name for start, end, _ in arrows for name in (start, end)):
+        if name not in steps:
+            raise UnknownNameError("step", name, list(steps))
     ax.axis("off")
     ax.set(xlim=(0, 1), ylim=(0, 1))
     drawn = {}

@@ -18,7 +18,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses, checked
+from hexakin.checks import Array, check_number, check_poses, check_shape, check_whole, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures.solids_3d import BlockFaces, SolidFaces
 from hexakin.figures.style import (
@@ -29,19 +29,23 @@ from hexakin.figures.style import (
     MM,
     ORANGE,
     RED,
+    check_colours,
 )
 from hexakin.kinematics.forward import forward_kinematics, segment_poses
 from hexakin.motion.walk_plan import WalkPlan
+from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
 from hexakin.terrain.base import Terrain
 from hexakin.terrain.columns import block_columns
 from hexakin.transforms import transform_points
 
+_MOST_TILES = 250_000  # matplotlib takes several seconds to draw them
+
 
 @checked
 def axes_3d(
     figure: FigureBase,
-    position: int | tuple[int, int, int] | SubplotSpec = 111,
+    position: int | tuple[int, int, int | tuple[int, int]] | SubplotSpec = 111,
     *,
     elevation: float = 22.0,
     azimuth: float = -60.0,
@@ -50,9 +54,14 @@ def axes_3d(
 
     ``position`` is the place of the axes in the figure, as for matplotlib's ``add_subplot``; ``elevation`` and
     ``azimuth`` [deg] are the direction from which they are seen. Objects are drawn in the order of their ``zorder``.
+    Raises InvalidInputError for a place that a figure does not have, and for angles that are not finite.
     """
-    ax = figure.add_subplot(position, projection="3d", computed_zorder=False)
-    ax.view_init(elev=elevation, azim=azimuth)
+    seen_from = {"elev": check_number("elevation", elevation), "azim": check_number("azimuth", azimuth)}
+    try:
+        ax = figure.add_subplot(position, projection="3d", computed_zorder=False)
+    except ValueError as error:
+        raise InvalidInputError(f"position: {error}") from error
+    ax.view_init(**seen_from)
     ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     ax.patch.set_visible(False)  # it would cover the labels of the panel beside it
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
@@ -63,10 +72,34 @@ def axes_3d(
 
 @checked
 def set_equal_3d(ax: Axes3D, low: ArrayLike, high: ArrayLike) -> None:
-    """Show the box from ``low`` (3,) [m] to ``high`` (3,) [m] on the 3D axes ``ax``, with equal scales."""
-    lower, upper = np.asarray(low) * MM, np.asarray(high) * MM
+    """Show the box from ``low`` (3,) [m] to ``high`` (3,) [m] on the 3D axes ``ax``, with equal scales.
+
+    Raises InvalidInputError if ``low`` is not below ``high``.
+    """
+    lower, upper = (MM * corner for corner in _corners(low, high, 3))
     ax.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=(lower[2], upper[2]))
     ax.set_box_aspect(upper - lower, zoom=1.05)
+
+
+def _corners(low: ArrayLike, high: ArrayLike, dimensions: int) -> tuple[Array, Array]:
+    """Return two opposite corners [m] of a part of space; raise InvalidInputError if it is empty."""
+    lower, upper = (check_shape(n, v, (dimensions,), ("coordinate",)) for n, v in (("low", low), ("high", high)))
+    if not (lower < upper).all():
+        texts = [", ".join(f"{value:g}" for value in corner) for corner in (lower, upper)]
+        raise InvalidInputError(f"low, high: ({texts[0]}) m is not below ({texts[1]}) m")
+    return lower, upper
+
+
+def _pose(T_world_body: ArrayLike | None) -> Array:
+    """Return the pose (4, 4) at which a robot is drawn."""
+    if T_world_body is None:
+        return np.eye(4)
+    return check_poses("T_world_body", check_shape("T_world_body", T_world_body, (4, 4)))
+
+
+def _angles(robot: Robot, q: ArrayLike) -> Array:
+    """Return the joint angles (L, 3) [rad] of one posture."""
+    return check_shape("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
 
 
 def _prism(T: Array, body: Body) -> Array:
@@ -91,9 +124,10 @@ def draw_robot(
 
     ``q`` (L, 3) [rad] are the joint angles, ``T_world_body`` (4, 4) is the body's pose (None: the identity). With
     ``labels`` the numbers of the legs, from 1, are written beside the feet. Blocks that `draw_terrain` drew on the
-    same axes hide the parts of the robot behind them.
+    same axes hide the parts of the robot behind them. Raises InvalidInputError for other shapes, and for a matrix that
+    is no pose.
     """
-    T = check_poses("T_world_body", np.eye(4) if T_world_body is None else T_world_body)
+    T, q = _pose(T_world_body), _angles(robot, q)
     feet = transform_points(T, forward_kinematics(robot, q))
     segments = segment_poses(robot, q)
     faces = [_prism(T, robot.torso)]
@@ -130,9 +164,12 @@ def draw_skeleton(
     """Draw one leg on the 3D axes ``ax``, as lines between its joints.
 
     ``q`` (L, 3) [rad] are the angles of all legs, ``leg`` is the index of the leg, from 0. With ``frames`` the body's
-    frame and the frame at each joint are drawn with axes ``length`` [m] long, and named.
+    frame and the frame at each joint are drawn with axes ``length`` [m] long, and named. Raises InvalidInputError if
+    ``q`` has another shape or the robot does not have the leg.
     """
-    q = np.asarray(q, dtype=float)
+    q = _angles(robot, q)
+    check_whole("leg", leg, at_most=robot.num_legs - 1)
+    check_number("length", length, above=0.0, unit="m")
     poses = segment_poses(robot, q)[leg]
     foot = forward_kinematics(robot, q)[leg]
     points = np.vstack([np.zeros(3), poses[:, :3, 3], foot]) * MM
@@ -176,12 +213,21 @@ def draw_wireframe(
         Whether the torso is drawn.
     colour, width
         Colour and width (in points) of the lines.
+
+    Raises
+    ------
+    InvalidInputError
+        For other shapes, a matrix that is no pose, a leg that the robot does not have, or a colour that is none.
     """
-    T = check_poses("T_world_body", np.eye(4) if T_world_body is None else T_world_body)
+    T, q = _pose(T_world_body), _angles(robot, q)
+    check_colours("colour", [colour])
+    check_number("width", width, above=0.0)
+    drawn = range(robot.num_legs) if legs is None else legs
+    for leg in drawn:
+        check_whole("legs", leg, at_most=robot.num_legs - 1)
     joints, feet = segment_poses(robot, q)[..., :3, 3], forward_kinematics(robot, q)
     lines = transform_points(T, np.concatenate([joints, feet[:, None]], axis=1).reshape(-1, 3))
     lines = lines.reshape(robot.num_legs, -1, 3) * MM
-    drawn = range(robot.num_legs) if legs is None else legs
     # Lines may leave the panel. The layout ignores them, because it would read 3D points as points on the page.
     unclipped: dict[str, Any] = {"zorder": 5, "clip_on": False, "in_layout": False}
     for leg in drawn:
@@ -195,9 +241,10 @@ def draw_wireframe(
 def draw_frame(ax: Axes3D, T: ArrayLike, length: float = 0.03) -> None:
     """Draw a frame on the 3D axes ``ax``: its x (red), y (green) and z (blue) axes, ``length`` [m] long.
 
-    ``T`` (4, 4) is the pose of the frame in the world.
+    ``T`` (4, 4) is the pose of the frame in the world. Raises InvalidInputError if it is none.
     """
-    T = np.asarray(T)
+    T = check_poses("T", check_shape("T", T, (4, 4)))
+    check_number("length", length, above=0.0, unit="m")
     segments = [np.stack([T[:3, 3], T[:3, 3] + length * T[:3, k]]) * MM for k in range(3)]
     ax.add_collection3d(Line3DCollection(segments, colors=[RED, GREEN, BLUE], linewidths=1.8, zorder=4))
 
@@ -210,25 +257,26 @@ def draw_terrain(
 
     A terrain of boxes is drawn as blocks, which are lighter if they are higher. The blocks end at ``low`` and
     ``high``, and hide the parts behind them of robots on the same axes. Other terrains are drawn as tiles that are
-    ``spacing`` [m] wide. Raises InvalidInputError if ``low`` is not below ``high``.
+    ``spacing`` [m] wide. Raises InvalidInputError if ``low`` is not below ``high``, and for a spacing that gives more
+    than 250000 tiles.
     """
-    x_low, y_low = check_array("low", low, (2,), ("coordinate",))
-    x_high, y_high = check_array("high", high, (2,), ("coordinate",))
-    if x_low >= x_high or y_low >= y_high:
-        raise InvalidInputError(f"low, high: ({x_low:g}, {y_low:g}) m is not below ({x_high:g}, {y_high:g}) m")
+    (x_low, y_low), (x_high, y_high) = _corners(low, high, 2)
+    check_number("spacing", spacing, above=0.0, unit="m")
     columns = block_columns(terrain, (x_low, y_low), (x_high, y_high))
     if columns is not None:
         ax.add_collection3d(blocks := BlockFaces(*(corners * MM for corners in columns), zorder=0))
         ax.auto_scale_xyz(*blocks.corners.T)
         return
+    if (tiles := (x_high - x_low) / spacing * (y_high - y_low) / spacing) > _MOST_TILES:
+        raise InvalidInputError(f"spacing: {spacing:g} m gives {tiles:.0f} tiles, expected at most {_MOST_TILES}")
     x = np.arange(x_low, x_high + spacing / 2, spacing)
     y = np.arange(y_low, y_high + spacing / 2, spacing)
     X, Y = np.meshgrid(x, y)
     p = np.stack([X, Y, terrain.height(X, Y)], axis=-1) * MM
-    tiles = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+    corners = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 4, 3)
     checker = (np.add.outer(np.arange(len(y) - 1), np.arange(len(x) - 1)) % 2).ravel()
     colours = np.where(checker[:, None] == 0, [0.93, 0.91, 0.85], [0.85, 0.82, 0.74])
-    ax.add_collection3d(Poly3DCollection(tiles, facecolors=colours, edgecolors="none", zorder=0))
+    ax.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors="none", zorder=0))
 
 
 @checked
@@ -236,12 +284,13 @@ def draw_plane(ax: Axes3D, points: ArrayLike, normal: ArrayLike, *, colour: str 
     """Draw a plane through three feet on the 3D axes ``ax``, as a triangle and an arrow along its normal.
 
     ``points`` (3, 3) [m] are the feet, ``normal`` (3,) is the unit normal, ``arrow`` [m] the length of its arrow,
-    ``colour`` the colour of both.
+    ``colour`` the colour of both. Raises InvalidInputError for other shapes.
     """
-    triangle = np.asarray(points) * MM
+    triangle = check_shape("points", points, (3, 3), ("point", "coordinate")) * MM
+    way = check_number("arrow", arrow, unit="m") * MM * check_shape("normal", normal, (3,), ("coordinate",))
+    check_colours("colour", [colour])
     ax.add_collection3d(Poly3DCollection([triangle], facecolors=colour, alpha=0.4, edgecolors=colour, zorder=1))
-    center, tip = triangle.mean(axis=0), triangle.mean(axis=0) + arrow * MM * np.asarray(normal)
-    ax.quiver(*center, *(tip - center), color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
+    ax.quiver(*triangle.mean(axis=0), *way, color=colour, lw=2, arrow_length_ratio=0.15, zorder=5)
 
 
 @checked
@@ -250,7 +299,12 @@ def draw_plan(ax: Axes3D, robot: Robot, plan: WalkPlan, samples: Sequence[int], 
 
     ``samples`` are the indices of the samples at which the robot is drawn. The paths of the feet have the colours of
     the legs. With ``ground`` a dashed line joins the footholds of each leg, for terrains without a surface to draw.
+    Raises InvalidInputError for a sample that the plan does not have, and for the plan of a robot with other legs.
     """
+    for sample in samples:
+        check_whole("samples", sample, at_most=len(plan.time) - 1)
+    if plan.q.shape[1] != robot.num_legs:
+        raise InvalidInputError(f"plan: has {plan.q.shape[1]} legs, but {robot.name} has {robot.num_legs}")
     for leg in range(robot.num_legs):
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
         ax.plot(*(plan.p_world_foot[:, leg].T * MM), color=colour, lw=0.9, zorder=2)

@@ -24,7 +24,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_whole, checked
+from hexakin.checks import Array, check_number, check_poses, check_shape, check_whole, checked
 from hexakin.exceptions import InvalidInputError, MissingPackageError, UnreachableError
 from hexakin.figures.robot_3d import axes_3d, draw_robot, draw_terrain, draw_wireframe, set_equal_3d
 from hexakin.figures.style import MM
@@ -32,6 +32,7 @@ from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import posed_inverse_kinematics
 from hexakin.kinematics.leg_functions import reach
 from hexakin.motion.clearance import torso_gaps
+from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 from hexakin.terrain.planes import Plane
 from hexakin.transforms import pose, rpy_rotation, transform_points
@@ -49,7 +50,7 @@ class Posture:
     ``T_world_body`` (4, 4) is the body's pose; ``q`` (L, 3) [rad] are the joint angles, of a leg out of reach the
     angles that it had before; ``p_world_foot`` (L, 3) [m] are the places where the centres of the feet should be;
     ``torso_clearance`` [m] is the distance from the floor to the torso, negative below the floor; ``faults`` has by
-    leg (from 1; 0 is the torso) a message, such as a limit that is exceeded.
+    leg (from 1; 0 is the torso) a message, such as a limit that is exceeded. Raises InvalidInputError for other shapes.
     """
 
     T_world_body: Array
@@ -58,21 +59,28 @@ class Posture:
     torso_clearance: float
     faults: Mapping[int, str]
 
+    def __post_init__(self) -> None:
+        check_poses("T_world_body", check_shape("T_world_body", self.T_world_body, (4, 4)))
+        angles = check_shape("q", self.q, (None, NUM_JOINTS), ("leg", "joint"))
+        check_shape("p_world_foot", self.p_world_foot, (len(angles), 3), ("leg", "coordinate"))
+        check_number("torso_clearance", self.torso_clearance, unit="m")
+
 
 @checked
-def posture_of_body(robot: Robot, offset: ArrayLike, rpy: ArrayLike, q_before: Array | None = None) -> Posture:
+def posture_of_body(robot: Robot, offset: ArrayLike, rpy: ArrayLike, q_before: ArrayLike | None = None) -> Posture:
     """Return the posture after the body has moved while the feet stay on their standing footholds.
 
     ``offset`` (3,) [m] is the way from the standing pose along the world's axes, ``rpy`` (3,) [rad] are roll, pitch and
     yaw about the body's x, y and z axes, B(2). A leg out of reach keeps its angles of ``q_before`` (L, 3) [rad]; None
     is the standing pose. Raises InvalidInputError if an array has another shape.
     """
-    shift = check_array("offset", offset, (3,), ("coordinate",)) + [0.0, 0.0, standing_height(robot)]
-    T = pose(rpy_rotation(check_array("rpy", rpy, (3,), ("angle",))), shift)
+    shift = check_shape("offset", offset, (3,), ("coordinate",)) + [0.0, 0.0, standing_height(robot)]
+    T = pose(rpy_rotation(check_shape("rpy", rpy, (3,), ("angle",))), shift)
     standing = forward_kinematics(robot, robot.standing_q)
     feet = standing + [0.0, 0.0, standing_height(robot)]
     solution = posed_inverse_kinematics(robot, T, feet)
     before = robot.standing_q if q_before is None else q_before
+    before = check_shape("q_before", before, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
     q = np.where(solution.reachable[:, None], solution.q, before)
     torso_clearance = float(torso_gaps(robot, Plane(), T))
     faults = _torso_faults(torso_clearance) | _limit_faults(robot, q)
@@ -91,7 +99,7 @@ def posture_of_leg(robot: Robot, leg: int, angles: ArrayLike) -> Posture:
     """
     _check_leg(robot, leg)
     q = np.array(robot.standing_q)
-    q[leg - 1] = check_array("angles", angles, (3,), ("joint",))
+    q[leg - 1] = check_shape("angles", angles, (NUM_JOINTS,), ("joint",))
     T = pose(np.eye(3), [0.0, 0.0, standing_height(robot)])
     torso_clearance = float(torso_gaps(robot, Plane(), T))
     faults = _torso_faults(torso_clearance) | _limit_faults(robot, q)

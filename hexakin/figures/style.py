@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from matplotlib.colors import is_color_like
 from matplotlib.figure import Figure
 
 from hexakin.checks import check_path, checked
 from hexakin.checks.files import whole_file
+from hexakin.exceptions import InvalidInputError, shown
 
 # The colours of Okabe and Ito, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
@@ -37,6 +40,13 @@ STYLE: dict[str, Any] = {
 def use_style() -> None:
     """Set the style of all figures that are made after this call."""
     plt.rcParams.update(STYLE)  # type: ignore[arg-type]
+
+
+def check_colours(name: str, colours: Iterable[object]) -> None:
+    """Raise InvalidInputError if matplotlib does not know one of ``colours``; ``name`` is the argument's name."""
+    for colour in colours:
+        if not is_color_like(colour):
+            raise InvalidInputError(f"{name}: {shown(colour)} is no colour of matplotlib")
 
 
 @checked
