@@ -317,7 +317,7 @@ def test_an_encoder_that_fails_says_why_and_leaves_no_file(walk, tmp_path, monke
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"speed": 0.0}, InvalidInputError, "speed: 0, expected above 0"),
+        ({"speed": 0.0}, InvalidInputError, "speed: 0, expected at least 0.001 and at most 1000"),
         ({"follow": "yes"}, InvalidInputError, "follow: expected True or False, got 'yes'"),
         ({"show": "forces"}, InvalidInputError, "show: expected a sequence, each text, got 'forces'"),
         (
@@ -368,6 +368,8 @@ def test_a_motion_of_another_robot_or_without_course_of_time_is_named(athena, hw
         ("no/walk.gif", {}, FileError, r"walk\.gif: cannot be written \(the folder .*no does not exist\)"),
         ("walk.gif", {"frame_rate": 100.0}, InvalidInputError, "frame_rate: 100 1/s, expected above 0 and at most 50"),
         ("walk.gif", {"size": 640}, InvalidInputError, r"size: expected 2 values, each a whole number, got 640"),
+        ("walk.gif", {"size": (10**6, 10**6)}, InvalidInputError, r"size: .* 1e\+12 pixels, expected at most 8294400"),
+        ("walk.mp4", {"size": (10**6, 32)}, InvalidInputError, "size: .* 3.2e.07 pixels, expected at most 8294400"),
         ("walk.gif", {"size": (640, 481)}, InvalidInputError, "size: height: 481, expected an even number"),
     ],
 )
@@ -375,3 +377,21 @@ def test_wrong_files_are_named(walk, tmp_path, name, options, error, message):
     with pytest.raises(error, match=message):
         walk.save(tmp_path / name, **options)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_that_are_too_many_are_named_before_they_are_drawn(walk, tmp_path):
+    slow = dataclasses.replace(walk, speed=1e-3)
+    long = dataclasses.replace(slow, scene=dataclasses.replace(walk.scene, time=1e3 * walk.scene.time))
+    with pytest.raises(
+        InvalidInputError, match=r"frame_rate: 50 1/s at a speed of 0\.001 makes .* frames, expected at m"
+    ):
+        long.save(tmp_path / "walk.mp4", frame_rate=50.0)
+    with pytest.raises(InvalidInputError, match=r"frames of \(1920, 1080\) pixels do not fit into a GIF"):
+        slow.save(tmp_path / "walk.gif", size=(1920, 1080))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-300, 1e300, np.nan])
+def test_absurd_speeds_are_named(athena, short_walk, speed):
+    with pytest.raises(InvalidInputError, match=r"speed: .*expected at least 0\.001 and at most 1000"):
+        animate(athena, short_walk, None, speed=speed)

@@ -31,6 +31,9 @@ from hexakin.terrain.leg_curves import LegCurves
 __all__ = ["Animation", "animate"]
 
 _HEIGHT = 480  # [px], height of an animation in a notebook
+_MOST_PIXELS = 3840 * 2160  # of a frame; drawing one takes 1.4 GB of memory
+_MOST_FRAMES = 100_000  # nearly three hours at 10 frames per second; drawing them takes longer
+_MOST_IN_GIF = 2 * 10**9  # [px] of all frames, which are in memory, one byte each, until a GIF is written
 
 
 @checked
@@ -74,7 +77,7 @@ def animate(
         Legs have the same colours as in the figures. A leg without angles, whose foot is out of reach, keeps its last
         pose; a red ball shows where the foot should be, and the heading of the page names the instants.
     """
-    factor = check_number("speed", speed, above=0.0)
+    factor = check_number("speed", speed, at_least=1e-3, at_most=1e3)
     if not isinstance(follow, bool):
         raise InvalidInputError(f"follow: expected True or False, got {follow!r:.80}")
     return Animation(make_scene(robot, motion, terrain, show, follow), factor, follow)
@@ -111,8 +114,9 @@ class Animation:
         left, and a file that was there before stays as it was.
 
         Raises MissingPackageError (a page needs meshcat, an MP4 file the encoder ffmpeg), UnknownNameError for another
-        ending, FileError if the file cannot be written, and InvalidInputError if ``path`` is no path or a number is out
-        of its range. SimulationError is raised if ffmpeg fails.
+        ending, FileError if the file cannot be written, and InvalidInputError if ``path`` is no path, a number is out
+        of its range, or frames are too large (3840 x 2160 pixels) or too many for the memory. SimulationError is raised
+        if ffmpeg fails.
         """
         target = check_path("path", path)
         ending = target.suffix.lower()
@@ -124,6 +128,8 @@ class Animation:
         for name, pixels in zip(("width", "height"), size, strict=True):
             if check_whole(f"size: {name}", pixels, at_least=32) % 2:
                 raise InvalidInputError(f"size: {name}: {pixels}, expected an even number")
+        if ending != ".html":
+            self._check_frames(ending, frame_rate, size)
         with whole_file(target) as temporary:
             if ending == ".html":
                 temporary.write_text(self.html(), encoding="utf-8")
@@ -133,6 +139,23 @@ class Animation:
                 write = write_gif if ending == ".gif" else write_mp4
                 write(temporary, self.scene, self.speed, frame_rate, size)
         return target
+
+    def _check_frames(self, ending: str, frame_rate: float, size: tuple[int, int]) -> None:
+        """Raise InvalidInputError for frames that are too large or too many."""
+        pixels = size[0] * size[1]
+        if pixels > _MOST_PIXELS:
+            raise InvalidInputError(f"size: {size}, {pixels:.3g} pixels, expected at most {_MOST_PIXELS}")
+        frames = float(self.scene.time[-1] - self.scene.time[0]) * frame_rate / self.speed
+        if frames > _MOST_FRAMES:
+            raise InvalidInputError(
+                f"frame_rate: {frame_rate:g} 1/s at a speed of {self.speed:g} makes {frames:.3g} frames, expected at "
+                f"most {_MOST_FRAMES}"
+            )
+        if ending == ".gif" and frames * pixels > _MOST_IN_GIF:
+            raise InvalidInputError(
+                f"size, frame_rate: {frames:.3g} frames of {size} pixels do not fit into a GIF, whose frames may have "
+                f"{_MOST_IN_GIF:.1g} pixels together; an MP4 file may be longer"
+            )
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, for a notebook."""
