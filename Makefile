@@ -35,6 +35,7 @@ test: $(VENV)/installed
 
 test-wheel: $(VENV)/installed
 	$(VENV)/bin/python tests/wheel
+	$(VENV)/bin/python tests/wheel/pybullet_builds.py
 
 lab: $(VENV)/installed
 	$(RUN) pip install --quiet --disable-pip-version-check -r notebooks/lab.txt

@@ -11,6 +11,7 @@ This is the only module that imports pinocchio and its collision library coal.
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,7 +27,9 @@ try:
     import coal  # noqa: F401 (for the rigid engine)
     import pinocchio as pin
 except ImportError as error:
-    raise MissingPackageError("pinocchio", "the dynamics", "pip install pin") from error
+    # PyPI has no wheel for Windows.
+    _install = "conda install -c conda-forge pinocchio" if sys.platform == "win32" else "pip install pin"
+    raise MissingPackageError("pinocchio", "the dynamics", _install) from error
 
 FOOT_SPRING_RATE = 9.28e3
 """Stiffness of ATHENA's foot springs [N/m] (A section 2.1, which prints the unit as N m)."""

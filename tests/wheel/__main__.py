@@ -20,41 +20,20 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from environments import ROOT, built, interpreter, output
+
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 VERSION = "3.13"
 PYBULLET = ("pybullet", "pybullet-arm64")  # distributions of the one module
 LONGEST = 900  # [s]; only a command that hangs takes so long
 
 
-def interpreter(version: str) -> str:
-    """Return a Python of this version that runs: from the PATH, as uv finds it, or from pyenv."""
-    found = [shutil.which(f"python{version}"), output([sys.executable, "-m", "uv", "python", "find", version])]
-    if pyenv := output(["pyenv", "root"]):
-        found += sorted(map(str, Path(pyenv, "versions").glob(f"{version}.*/bin/python{version}")))
-    for python in found:
-        if python and output([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]) == version:
-            return python
-    sys.exit(f"No Python {version} was found. Install it, or name one: python tests/wheel /path/to/python")
-
-
-def output(command: list[str]) -> str:
-    """Return what a command prints; empty if it fails or does not exist."""
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=LONGEST).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-
-
 def install(python: str, folder: Path) -> Path:
-    """Build the wheel, install it into a new environment in ``folder``, and return the environment's programs."""
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = folder.glob("*.whl")
+    """Install the wheel into a new environment in ``folder``, and return the folder of the environment's programs."""
     subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
     programs = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
     pip = [programs / "python", "-m", "pip", "install", "-qq", "--disable-pip-version-check"]
-    subprocess.run([*pip, "--constraint", ROOT / "environment.txt", f"{wheel}[animation]"], check=True)
+    subprocess.run([*pip, "--constraint", ROOT / "environment.txt", f"{built(folder)}[animation]"], check=True)
     return programs
 
 

@@ -1,0 +1,57 @@
+"""One walk on each build of PyBullet: the official wheel on Python 3.11, the fork on 3.11 and 3.13 (Linux, x86_64).
+
+    python tests/wheel/pybullet_builds.py
+
+All arrays of the three recordings must be equal to the last bit. ``make test-wheel`` calls this file.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+from environments import ROOT, built, interpreter
+
+BUILDS = (("3.11", "pybullet"), ("3.11", "pybullet-arm64"), ("3.13", "pybullet-arm64"))
+# What a walk needs. NumPy and SciPy are those of this Python, so that nothing but the build of PyBullet differs.
+NEEDS = [*(f"{name}=={metadata.version(name)}" for name in ("numpy", "scipy")), "pyyaml", "pydantic"]
+WALK = """
+import hexakin as hk
+robot = hk.load_robot("athena")
+controller = hk.PostureController(robot, k_z=0.8, k_alpha=0.6)
+hk.simulate(robot, hk.terrain.Ramp(), controller, engine="pybullet", duration=2.0, seed=0).save("walk.npz")
+"""
+
+
+def walk(folder: Path, wheel: Path, version: str, package: str) -> dict[str, np.ndarray]:
+    """Simulate with a build of PyBullet in an environment of its own; return the arrays of the recording."""
+    folder.mkdir()
+    uv = [sys.executable, "-m", "uv"]
+    subprocess.run([*uv, "venv", "--quiet", "--python", interpreter(version), folder / "venv"], check=True)
+    python = folder / "venv" / "bin" / "python"
+    install = [*uv, "pip", "install", "--quiet", "--no-build", "--python", python]
+    subprocess.run([*install, "--no-deps", "--constraint", ROOT / "environment.txt", wheel, package], check=True)
+    subprocess.run([*install, *NEEDS], check=True)
+    subprocess.run([python, "-I", "-c", WALK], cwd=folder, check=True)
+    with np.load(folder / "walk.npz") as stored:
+        return {name: stored[name] for name in stored.files if stored[name].dtype.kind != "U"}  # "U": names, versions
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        wheel = built(Path(name))
+        walks = [walk(Path(name, str(number)), wheel, *build) for number, build in enumerate(BUILDS)]
+    first = walks[0]
+    for build, other in zip(BUILDS[1:], walks[1:], strict=True):
+        unequal = [name for name in first if first[name].tobytes() != other[name].tobytes()]
+        if unequal or len(first) < 20:
+            sys.exit(f"{build} and {BUILDS[0]} differ in {unequal}, of {len(first)} arrays")
+    print(f"one walk on {len(BUILDS)} builds of PyBullet: {len(first)} arrays, equal to the last bit")
+
+
+if __name__ == "__main__":
+    main()
