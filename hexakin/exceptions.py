@@ -6,6 +6,24 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
+__all__ = [
+    "ClearanceError",
+    "ContactError",
+    "FileError",
+    "HexakinError",
+    "InvalidInputError",
+    "JointLimitError",
+    "MissingPackageError",
+    "NoClosedFormError",
+    "RecordingError",
+    "RobotFileError",
+    "SimulationError",
+    "SolverError",
+    "StudyError",
+    "UnknownNameError",
+    "UnreachableError",
+]
+
 _LONGEST = 80  # characters of a value in a message
 
 

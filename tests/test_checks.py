@@ -32,7 +32,7 @@ WRONG = {
     "last row": (changed(row=[0.0, 0.0, 1.0, 1.0]), r"the last row is not \(0, 0, 0, 1\)"),
     "transposed": (GOOD.T, "T_world_body: expected poses"),
     "nan": (np.full((4, 4), np.nan), "is nan, expected a finite number"),
-    "3 x 3": (np.eye(3), r"expected shape \(..., 4, 4\)"),
+    "3 x 3": (np.eye(3), r"expected shape \((..., )?4, 4\)"),
 }
 
 

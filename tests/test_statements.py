@@ -152,7 +152,8 @@ def test_failed_and_missing_runs_are_left_out_and_counted():
 def test_fewer_than_two_repeats_are_no_data(n):
     table = runs({0.0: ONE, 0.8: ONE})
     for kind in ("change_percent", "highest", "value", "never", "inconclusive"):
-        found = judge(statement(kind, 1.0, 1.0), table[table["seed"] < n])
+        value, tolerance = {"change_percent": (1.0, 1.0), "value": (1.0, 1.0)}.get(kind, (math.nan, math.nan))
+        found = judge(statement(kind, value, tolerance), table[table["seed"] < n])
         assert found.verdict == "no data" and math.isnan(found.effect)
         assert found.repeats == (n if kind != "highest" else 0)
 
@@ -298,16 +299,25 @@ def test_an_unknown_paper_is_named():
     "row, message",
     [
         ("a,A 1,ramp,k_z,0.8,height,median,change_percent,much,0.1,text", "could not convert"),
-        ("a,A 1,ramp,k_z,0.8,height,median,change_percent,,0.1,text", "with value ''"),
-        ("a,A 1,ramp,k_z,0.8,height,median,direction,2,,text", "with value '2'"),
-        ("a,A 1,ramp,k_z,0.8,height,median,unchanged,,,text", "with tolerance ''"),
+        (
+            "a,A 1,ramp,k_z,0.8,height,median,change_percent,,0.1,text",
+            "value: nan with kind 'change_percent', expected a number",
+        ),
+        ("a,A 1,ramp,k_z,0.8,height,median,direction,2,,text", "value: 2 with kind 'direction', expected 1 or -1"),
+        (
+            "a,A 1,ramp,k_z,0.8,height,median,unchanged,,,text",
+            "tolerance: nan with kind 'unchanged', expected at least 0",
+        ),
         ("a,A 1,ramp,k_z,0.8,height,median,better,,,text", "kind 'better'; known"),
         ("a,A 1,moon,k_z,0.8,height,median,highest,,,text", "scenario 'moon'; known: ramp, testbed"),
         ("a,A 1,ramp,k_z,0.8,width,median,highest,,,text", "measure 'width'; known"),
-        ("a,A 1,ramp,k_z,0.7,height,median,highest,,,text", "factor 'k_z' at '0.7'"),
-        ("a,A 1,ramp,chosen,0.8,height,median,direction,1,,text", "factor 'chosen' at '0.8'"),
-        ("a,A 1,ramp,k_z,0.0 0.8,height,median,direction,1,,text", "kind 'direction' at '0.0 0.8'"),
-        ("a,A 1,ramp,chosen,,height,median,highest,,,text", "kind 'highest' at ''"),
+        ("a,A 1,ramp,k_z,0.7,height,median,highest,,,text", "at: (0.7,) with factor 'k_z', expected different levels"),
+        ("a,A 1,ramp,chosen,0.8,height,median,direction,1,,text", "at: (0.8,) with factor 'chosen', expected none"),
+        (
+            "a,A 1,ramp,k_z,0.0 0.8,height,median,direction,1,,text",
+            "at: (0.0, 0.8) with kind 'direction', expected levels above 0",
+        ),
+        ("a,A 1,ramp,chosen,,height,median,highest,,,text", "at: () with kind 'highest', expected some"),
         ("a,A 1,ramp", "expected 11 fields"),
         ("good,A 1,ramp,k_z,0.8,height,median,highest,,,text\n" * 2, "'good' is given twice"),
     ],

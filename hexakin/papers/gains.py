@@ -17,14 +17,26 @@ GAINS = ("k_z", "k_alpha", "k_beta")
 
 
 def settings(scenario: str) -> list[dict[str, float]]:
-    """Gains of A Figs 10-19 for a scenario: a sweep of each gain and the chosen gains; simple control only once."""
+    """Gains of A Figs 10-19 for a scenario: a sweep of each gain and the chosen gains; simple control only once.
+
+    Raises UnknownNameError for an unknown ``scenario``.
+    """
     swept = [tuple(level if gain == name else 0.0 for gain in GAINS) for name in GAINS for level in GAIN_LEVELS]
-    return [dict(zip(GAINS, gains, strict=True)) for gains in dict.fromkeys([*swept, CHOSEN[scenario]])]
+    return [dict(zip(GAINS, gains, strict=True)) for gains in dict.fromkeys([*swept, _chosen(scenario)])]
 
 
 def compared(scenario: str) -> list[dict[str, float]]:
-    """Gains of simple control and the paper's chosen gains for a scenario (A Figs 16-19)."""
-    return [dict(zip(GAINS, gains, strict=True)) for gains in (SIMPLE, CHOSEN[scenario])]
+    """Gains of simple control and the paper's chosen gains for a scenario (A Figs 16-19).
+
+    Raises UnknownNameError for an unknown ``scenario``.
+    """
+    return [dict(zip(GAINS, gains, strict=True)) for gains in (SIMPLE, _chosen(scenario))]
+
+
+def _chosen(scenario: str) -> tuple[float, float, float]:
+    if scenario not in CHOSEN:
+        raise UnknownNameError("scenario", scenario, list(CHOSEN))
+    return CHOSEN[scenario]
 
 
 def swept(gain: str) -> list[dict[str, float]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_columns
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.installation import DATA
 from hexakin.papers.gains import GAINS
@@ -31,9 +31,11 @@ def five_numbers(table: pd.DataFrame, measure: str, gains: Sequence[Mapping[str,
     """Minimum, quartiles and maximum of a measure in the runs of one engine, (gains, repeats, 5), in SI units.
 
     ``table`` has one row per run, and ``gains`` are the gains to choose from it. Repeats (starts or layouts) in which
-    the run with one of the gains is missing or failed are left out. Raises InvalidInputError if no repeat is left.
+    the run with one of the gains is missing or failed are left out. Raises InvalidInputError for missing columns, and
+    if no repeat is left.
     """
     columns = [f"{measure}_{statistic}" for statistic in ("min", "lower", "median", "upper", "max")]
+    check_columns("table", table, [*GAINS, "status", "seed", "layout", *columns])
     per_setting = []
     for setting in gains:
         chosen = table[np.logical_and.reduce([np.isclose(table[name], setting[name]) for name in GAINS])]

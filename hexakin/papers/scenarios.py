@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, checked
+from hexakin.checks import Array, check_number, check_shape, check_whole, checked
 from hexakin.control.ground_plane import slope_angles
 from hexakin.control.posture import PostureController
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError, renamed
 from hexakin.kinematics.forward import standing_height
 from hexakin.motion.measures import per_cycle
 from hexakin.motion.recording import Recording
+from hexakin.papers.gains import GAINS
 from hexakin.robot.file import load_robot
 from hexakin.robot.model import Leg, Robot
 from hexakin.simulation.closed_loop import simulate
@@ -36,12 +37,15 @@ class Scenario:
     """Where ATHENA walks, and how high it lifts its feet.
 
     ``terrain`` is a function that returns the terrain of a layout (a whole number). ``has_layouts`` is True if there is
-    more than one layout. ``apex`` [m] is the height of a swing.
+    more than one layout. ``apex`` [m] is the height of a swing. Raises InvalidInputError if it is not positive.
     """
 
     terrain: Callable[[int], Terrain]
     has_layouts: bool
     apex: float
+
+    def __post_init__(self) -> None:
+        check_number("apex", self.apex, above=0.0, unit="m")
 
 
 # [m] Large enough for 24 cycles of 50 mm strokes and for drift.
@@ -57,6 +61,13 @@ SCENARIOS: dict[str, Scenario] = {
         apex=0.075,
     ),
 }
+
+
+def scenario_of(name: str) -> Scenario:
+    """Return the scenario called ``name``. Raises UnknownNameError."""
+    if name not in SCENARIOS:
+        raise UnknownNameError("scenario", name, list(SCENARIOS))
+    return SCENARIOS[name]
 
 
 @checked
@@ -112,8 +123,9 @@ def simulate_walk(
 ) -> tuple[Recording, Terrain]:
     """Simulate a walk of ATHENA in a scenario of paper A; returns the recording and the terrain.
 
-    Raises UnknownNameError for an unknown scenario, InvalidInputError for a layout that the scenario does not have, and
-    the errors of ``PostureController`` and ``simulate``.
+    Raises UnknownNameError for an unknown scenario, InvalidInputError for a layout or blocks that the scenario does not
+    have, for a gain that is missing and a number out of its range, and the errors of ``PostureController`` and
+    ``simulate``.
 
     Parameters
     ----------
@@ -141,15 +153,18 @@ def simulate_walk(
     max_step, block_size
         Largest step between blocks and size of the blocks [m] of the testbed; None is the scenario's value.
     """
-    if scenario not in SCENARIOS:
-        raise UnknownNameError("scenario", scenario, list(SCENARIOS))
-    place = SCENARIOS[scenario]
+    place = scenario_of(scenario)
+    if missing := [name for name in GAINS if name not in gains]:
+        raise InvalidInputError(f"gains: no value for {', '.join(missing)}")
+    check_whole("num_cycles", num_cycles, at_least=1)
     if layout != 0 and not place.has_layouts:
         raise InvalidInputError(f"layout: {layout}, but scenario {scenario!r} has one layout only, 0")
     ground = place.terrain(layout)
     if isinstance(ground, Blocks):
         ground = replace(ground, max_step=ground.max_step if max_step is None else max_step)
         ground = replace(ground, size=ground.size if block_size is None else block_size)
+    elif max_step is not None or block_size is not None:
+        raise InvalidInputError(f"max_step, block_size: scenario {scenario!r} has no blocks")
     robot = _changed(load_robot("athena"), servo_rate, foot_radius, mount_scale)
     controller = PostureController(
         robot,
@@ -185,7 +200,7 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     """Measures of a walk over its first ``num_cycles`` gait cycles, by column name.
 
     ``recording`` is the walk and ``ground`` its terrain. Raises SimulationError if the recording contains fewer whole
-    cycles.
+    cycles, and InvalidInputError unless ``num_cycles`` is at least 1.
 
     A quantity with many values has five columns: ``<quantity>_min``, ``_lower`` (quartile), ``_median``, ``_upper`` and
     ``_max``. These quantities are:
@@ -209,6 +224,7 @@ def measure(recording: Recording, ground: Terrain, num_cycles: int = NUM_CYCLES)
     - ``extending`` and ``limited``, shares of ticks in which feet search for the ground, or are clipped at a limit;
     - ``penetration`` [m] and ``solver_residual``, the largest values.
     """
+    check_whole("num_cycles", num_cycles, at_least=1)
     cycles, ticks = per_cycle(recording), per_cycle(recording, rates="ticks")
     if len(cycles.height) < num_cycles:
         raise SimulationError(f"only {len(cycles.height)} of {num_cycles} gait cycles in {recording.time[-1]:.0f} s")
@@ -250,9 +266,10 @@ _ROUNDING = 1e-9  # [m] with two loaded feet, the ZMP of A(32) lies exactly on a
 def five_columns(name: str, values: ArrayLike) -> dict[str, float]:
     """Minimum, quartiles and maximum of a sample as the columns ``<name>_min``, ``_lower``, ``_median``, ...
 
-    ``values`` (n,), in any unit, are the sample. All columns of an empty sample are NaN.
+    ``values`` (n,), in any unit, are the sample. All columns of an empty sample are NaN. Raises InvalidInputError for
+    another shape and for values that are not finite.
     """
-    sample = np.asarray(values, dtype=float)
+    sample = check_shape("values", values, (None,))
     found = np.percentile(sample, list(_PERCENTILES.values())) if sample.size else np.full(len(_PERCENTILES), np.nan)
     return {f"{name}_{statistic}": float(value) for statistic, value in zip(_PERCENTILES, found, strict=True)}
 
@@ -270,10 +287,11 @@ def _changed(robot: Robot, servo_rate: float | None, foot_radius: float | None, 
     if servo_rate is not None:
         robot = replace(robot, servo=replace(robot.servo, rate=servo_rate))
     if foot_radius is not None:
+        check_number("foot_radius", foot_radius, above=0.0, at_most=1.0, unit="m")
         size = np.full(3, 2.0 * foot_radius)
         inertia = 0.4 * robot.foot.mass * foot_radius**2 * np.eye(3)  # a solid sphere
         robot = replace(robot, foot=replace(robot.foot, size=size, inertia=inertia))
-    if mount_scale != 1.0:
+    if check_number("mount_scale", mount_scale, above=0.0) != 1.0:
         legs = tuple(Leg(leg.name, {**leg.values, "l_1": mount_scale * leg.values["l_1"]}) for leg in robot.legs)
         robot = replace(robot, legs=legs)
     return robot

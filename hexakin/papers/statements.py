@@ -19,23 +19,19 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from hexakin.checks import check_path, checked
+from hexakin.checks import check_columns, check_path, checked
 from hexakin.checks.files import read_bytes
-from hexakin.exceptions import InvalidInputError, UnknownNameError, renamed
+from hexakin.exceptions import HexakinError, InvalidInputError, UnknownNameError, renamed, shown
 from hexakin.installation import DATA
-from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS
+from hexakin.papers.gains import CHOSEN, GAIN_LEVELS
 from hexakin.papers.verdicts import (
-    CHANGES,
-    EXTREMES,
-    KINDS,
     MIN_AGREEMENT,
-    STATISTICS,
     UNITS,
     Statement,
     Verdict,
@@ -67,8 +63,6 @@ VERDICTS = ("reproduced", "same direction", "not reproduced", "no data")
 
 _LARGEST = 2**20  # [bytes] eighty times the size of paper A's file
 _FIELDS = tuple(Statement.__dataclass_fields__)
-_WITH_VALUE = ("change_percent", "direction", "value")
-_WITH_TOLERANCE = ("change_percent", "unchanged", "value")
 
 
 @checked
@@ -110,7 +104,7 @@ def _read(file: Path) -> dict[str, Statement]:
                 statement = _statement(row)
                 if statement.id in found:
                     raise ValueError(f"id {statement.id!r} is given twice")
-            except ValueError as error:
+            except (HexakinError, ValueError) as error:
                 raise InvalidInputError(f"{file}: line {reader.line_num}: {error}") from error
             found[statement.id] = statement
     except (UnicodeDecodeError, csv.Error) as error:
@@ -119,36 +113,17 @@ def _read(file: Path) -> dict[str, Statement]:
 
 
 def _statement(row: dict[str, str]) -> Statement:
-    """Statement of one row of the file; raises ValueError if it cannot be judged."""
+    """Statement of one row of the file; raises HexakinError or ValueError if it cannot be judged."""
     if None in row or None in row.values():  # the csv module marks rows that are too long or too short with None
         raise ValueError(f"expected {len(_FIELDS)} fields")
     at = tuple(float(level) for level in row["at"].split())
     value, tolerance = (float(row[name]) if row[name] else math.nan for name in ("value", "tolerance"))
-    statement = Statement(**{**row, "at": at, "value": value, "tolerance": tolerance})  # type: ignore[arg-type]
-    for name, known in (
-        ("scenario", CHOSEN),
-        ("factor", (*GAINS, "chosen")),
-        ("measure", UNITS),
-        ("statistic", STATISTICS),
-        ("kind", KINDS),
-    ):
-        if row[name] not in known:
-            raise ValueError(f"{name} {row[name]!r}; known: {', '.join(known)}")
-    kind = statement.kind
-    if (statement.factor == "chosen") != (not at) or not set(at) <= set(GAIN_LEVELS) or len(set(at)) < len(at):
-        raise ValueError(f"factor {statement.factor!r} at {row['at']!r}")
-    if (kind in CHANGES and 0.0 in at) or (kind in EXTREMES and not 0 < len(at) < len(GAIN_LEVELS)):
-        raise ValueError(f"kind {kind!r} at {row['at']!r}")
-    if (kind in _WITH_VALUE) != math.isfinite(value) or (kind == "direction" and abs(value) != 1.0):
-        raise ValueError(f"kind {kind!r} with value {row['value']!r}")
-    if (kind in _WITH_TOLERANCE) != (math.isfinite(tolerance) and tolerance >= 0.0):
-        raise ValueError(f"kind {kind!r} with tolerance {row['tolerance']!r}")
-    return statement
+    return Statement(**{**row, "at": at, "value": value, "tolerance": tolerance})  # type: ignore[arg-type]
 
 
 @checked
 def verdicts(
-    table: pd.DataFrame, statements: Mapping[str, Statement] | Iterable[Statement] | None = None
+    table: pd.DataFrame, statements: Mapping[str, Statement] | Sequence[Statement] | None = None
 ) -> pd.DataFrame:
     """Judge every statement for every engine and time step of its scenario: one row each.
 
@@ -197,8 +172,10 @@ def robustness(verdicts: pd.DataFrame) -> pd.DataFrame:
 
     ``verdicts`` is a table of the function ``verdicts``. The column ``engines`` compares the engines at each time step,
     and ``steps`` the time steps of each engine: ``"agree"``, ``"differ"``, or ``"one"`` if there is nothing to compare.
-    The column ``verdict`` has the verdict if all agree, and is empty otherwise. Rows without data are ignored.
+    The column ``verdict`` has the verdict if all agree, and is empty otherwise. Rows without data are ignored. Raises
+    InvalidInputError for missing columns.
     """
+    check_columns("verdicts", verdicts, ["id", "engine", "time_step", "verdict"])
     judged = verdicts[verdicts["verdict"] != "no data"]
     rows = []
     for name in verdicts["id"].unique():
@@ -219,8 +196,10 @@ def _agree(judged: pd.DataFrame, within: str) -> str:
 def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Number of statements with each verdict (rows) for each engine (columns).
 
-    ``verdicts`` is a table of the function ``verdicts``. The columns are named as in ``verdict_table``.
+    ``verdicts`` is a table of the function ``verdicts``. The columns are named as in ``verdict_table``. Raises
+    InvalidInputError for missing columns.
     """
+    check_columns("verdicts", verdicts, ["engine", "time_step", "verdict"])
     named, cases = _cases(verdicts)
     table = pd.crosstab(named["verdict"], named["case"])
     return table.reindex(index=list(VERDICTS), columns=cases, fill_value=0)
@@ -232,8 +211,9 @@ def verdict_table(verdicts: pd.DataFrame) -> str:
 
     ``verdicts`` is a table of the function ``verdicts``. There is one column for each engine, or for each time step of
     an engine that ran with several time steps. The cells contain the effect with its 5th and 95th percentile, each to
-    three significant digits, and the verdict.
+    three significant digits, and the verdict. Raises InvalidInputError for missing columns.
     """
+    check_columns("verdicts", verdicts, ["id", "figure", "scenario", "claim", "engine", "time_step", *_SHOWN])
     named, cases = _cases(verdicts)
     lines = [f"| figure | the paper says | {' | '.join(cases)} |", "|" + " --- |" * (2 + len(cases))]
     for _, group in named.groupby("id", sort=False):
@@ -259,8 +239,16 @@ def _cell(row: Any) -> str:
     return "no data" if row.verdict == "no data" else f"{finding(row)} {row.verdict}"
 
 
+_SHOWN = ("verdict", "unit", "effect", "low", "high")
+
+
 def finding(row: Any) -> str:
-    """Effect of a ``row`` of ``verdicts`` with its 5th and 95th percentile, such as ``"+47.6 % [45.8, 48.7]"``."""
+    """Effect of a ``row`` of ``verdicts`` with its 5th and 95th percentile, such as ``"+47.6 % [45.8, 48.7]"``.
+
+    Raises InvalidInputError if ``row`` is none.
+    """
+    if any(not hasattr(row, name) for name in _SHOWN):
+        raise InvalidInputError(f"row: expected one with {', '.join(_SHOWN)}, got {shown(row)}")
     if row.verdict == "no data":
         return ""
     unit = f" {row.unit}" if row.unit else ""

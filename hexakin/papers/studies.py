@@ -2,33 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Literal
 
-from hexakin.checks import checked
+from hexakin.checks import check_number, check_whole, checked
 from hexakin.papers.gains import GAIN_LEVELS, GAINS, compared, settings
-from hexakin.papers.scenarios import SCENARIOS, walk
+from hexakin.papers.scenarios import SCENARIOS, scenario_of, walk
 from hexakin.study.runner import Study, grid
 from hexakin.study.tables import Scalar
 
-ENGINES = ("rigid", "pybullet")
+Engine = Literal["rigid", "pybullet"]
+ENGINES: tuple[Engine, ...] = ("rigid", "pybullet")
+
+_MOST_REPEATS = 1000
 
 
 @checked
 def repeats(scenario: str, count: int) -> list[dict[str, int]]:
-    """``count`` repeats in a ``scenario``: starts on the ramp; layouts, each with its own start, on the testbed."""
-    layouts = SCENARIOS[scenario].has_layouts
+    """``count`` repeats in a ``scenario``: starts on the ramp; layouts, each with its own start, on the testbed.
+
+    Raises UnknownNameError for an unknown scenario, and InvalidInputError unless ``count`` is from 1 to 1000.
+    """
+    layouts = scenario_of(scenario).has_layouts
+    check_whole("count", count, at_least=1, at_most=_MOST_REPEATS)
     return [{"seed": k, "layout": k if layouts else 0} for k in range(count)]
 
 
 @checked
 def sweeps(
-    scenario: str, *, count: int = 10, engines: tuple[str, ...] = ENGINES, time_steps: tuple[float, ...] = (0.002,)
+    scenario: str,
+    *,
+    count: int = 10,
+    engines: Sequence[Engine] = ENGINES,
+    time_steps: Sequence[float] = (0.002,),
 ) -> Study:
     """A Figs 10-12, 16 and 18 (ramp), or 13-15, 17 and 19 (testbed): all gains, each with ``count`` repeats.
 
     ``scenario`` is ``"ramp"`` or ``"testbed"``; the walks are made on all ``engines`` and with all ``time_steps`` [s].
+    Raises the errors of ``repeats``, UnknownNameError for an unknown engine, and InvalidInputError for a time step that
+    is not positive.
     """
+    for time_step in time_steps:
+        check_number("time_steps", time_step, above=0.0, unit="s")
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": engine, "time_step": time_step, **repeat}
         for engine in engines
@@ -47,7 +63,7 @@ FINER_STEPS = {"rigid": (0.001, 0.0005), "pybullet": (0.001,)}
 def steps(scenario: str, *, count: int = 10) -> Study:
     """Simple control and the chosen gains with finer time steps than in ``sweeps``, as a check of convergence.
 
-    ``scenario`` and ``count`` are those of ``sweeps``.
+    ``scenario`` and ``count`` are those of ``sweeps``. Raises the errors of ``repeats``.
     """
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": engine, "time_step": time_step, **repeat}
@@ -63,8 +79,9 @@ def steps(scenario: str, *, count: int = 10) -> Study:
 def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study:
     """``sweeps`` on the rigid engine with the other reading of A(28)-(31), which rotates the footholds themselves.
 
-    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s].
+    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s]. Raises the errors of ``sweeps``.
     """
+    check_number("time_step", time_step, above=0.0, unit="s")
     settings_that_turn = [gains for gains in settings(scenario) if gains["k_alpha"] or gains["k_beta"]]
     runs: list[dict[str, Scalar]] = [
         {
@@ -85,8 +102,9 @@ def turned(scenario: str, *, count: int = 10, time_step: float = 0.002) -> Study
 def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Study:
     """All combinations of the six levels of the three gains, on the rigid engine.
 
-    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s].
+    ``scenario`` and ``count`` are those of ``sweeps``, with one ``time_step`` [s]. Raises the errors of ``sweeps``.
     """
+    check_number("time_step", time_step, above=0.0, unit="s")
     runs: list[dict[str, Scalar]] = [
         {"scenario": scenario, **gains, "engine": "rigid", "time_step": time_step, **repeat}
         for gains in grid(**dict.fromkeys(GAINS, GAIN_LEVELS))
@@ -99,8 +117,9 @@ def gain_grid(scenario: str, *, count: int = 5, time_step: float = 0.002) -> Stu
 def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
     """Simple control and the chosen gains on testbeds with smaller blocks and higher steps, on the rigid engine.
 
-    Each testbed has ``count`` repeats, with one ``time_step`` [s].
+    Each testbed has ``count`` repeats, with one ``time_step`` [s]. Raises the errors of ``sweeps``.
     """
+    check_number("time_step", time_step, above=0.0, unit="s")
     # [m]; a step of 0.09 is the whole range of heights
     beds = [{"block_size": size, "max_step": step} for size in (0.2, 0.1) for step in (0.03, 0.06, 0.09)]
     runs: list[dict[str, Scalar]] = [
@@ -114,7 +133,10 @@ def rougher(*, count: int = 10, time_step: float = 0.002) -> Study:
 
 @checked
 def open_choices(scenario: str) -> Study:
-    """Variation of the choices that the paper leaves open in a ``scenario`` (``hexakin.papers.open_choices``)."""
+    """Variation of the choices that the paper leaves open in a ``scenario`` (``hexakin.papers.open_choices``).
+
+    Raises UnknownNameError for an unknown scenario.
+    """
     from hexakin.papers.open_choices import sensitivity
 
     return sensitivity(scenario)
@@ -151,6 +173,7 @@ def fresh(scenario: str, *, count: int = 2) -> Study:
     """Part of ``sweeps`` that the notebooks repeat: all gains on the rigid engine, and one comparison on PyBullet.
 
     ``scenario`` is that of ``sweeps``; on the rigid engine there are ``count`` repeats, on PyBullet there is one.
+    Raises the errors of ``repeats``.
     """
     rigid = sweeps(scenario, count=count, engines=("rigid",)).runs
     pybullet = sweeps(scenario, count=1, engines=("pybullet",)).runs

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, checked
-from hexakin.exceptions import InvalidInputError
+from hexakin.checks import Array, check_array, check_columns, check_whole, checked
+from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.papers.gains import CHOSEN, GAIN_LEVELS, GAINS, SIMPLE
 
 MIN_AGREEMENT = 0.9
@@ -47,7 +49,11 @@ UNITS = {
 
 CHANGES = ("change_percent", "direction", "unchanged", "inconclusive")
 EXTREMES = ("highest", "lowest")
-KINDS = (*CHANGES, *EXTREMES, "value", "never", "occurs")
+_WITH_VALUE = ("change_percent", "direction", "value")
+_WITH_TOLERANCE = ("change_percent", "unchanged", "value")
+
+
+Word = Literal["reproduced", "same direction", "not reproduced", "no data"]
 
 
 @checked
@@ -78,19 +84,54 @@ class Statement:
 
         ``tolerance`` of a number is half a unit of its last printed digit. Fields that a kind does not use
         are NaN.
+
+    Raises
+    ------
+    UnknownNameError
+        For an unknown scenario, factor, measure, statistic or kind.
+    InvalidInputError
+        For levels, a value or a tolerance that do not fit the kind.
     """
 
     id: str
     figure: str
-    scenario: str
-    factor: str
+    scenario: Literal["ramp", "testbed"]
+    factor: Literal["k_z", "k_alpha", "k_beta", "chosen"]
     at: tuple[float, ...]
     measure: str
-    statistic: str
-    kind: str
+    statistic: Literal["median", "iqr", "range", "max", "mean"]
+    kind: Literal[
+        "change_percent", "direction", "unchanged", "inconclusive", "highest", "lowest", "value", "never", "occurs"
+    ]
     value: float
     tolerance: float
     wording: str
+
+    def __post_init__(self) -> None:
+        if self.measure not in UNITS:
+            raise UnknownNameError("measure", self.measure, list(UNITS))
+        at = tuple(float(level) for level in self.at)
+        object.__setattr__(self, "at", at)
+        self._check_levels(at)
+        self._check_numbers()
+
+    def _check_levels(self, at: tuple[float, ...]) -> None:
+        if (self.factor == "chosen") != (not at) or not set(at) <= set(GAIN_LEVELS) or len(set(at)) < len(at):
+            expected = "none" if self.factor == "chosen" else f"different levels of {GAIN_LEVELS}"
+            raise InvalidInputError(f"at: {at} with factor {self.factor!r}, expected {expected}")
+        if self.kind in CHANGES and 0.0 in at:
+            raise InvalidInputError(f"at: {at} with kind {self.kind!r}, expected levels above 0, where changes begin")
+        if self.kind in EXTREMES and not 0 < len(at) < len(GAIN_LEVELS):
+            raise InvalidInputError(f"at: {at} with kind {self.kind!r}, expected some of the levels {GAIN_LEVELS}")
+
+    def _check_numbers(self) -> None:
+        signed = self.kind != "direction" or abs(self.value) == 1.0
+        if (self.kind in _WITH_VALUE) != isfinite(self.value) or not signed:
+            expected = {"direction": "1 or -1"}.get(self.kind, "a number" if self.kind in _WITH_VALUE else "nan")
+            raise InvalidInputError(f"value: {self.value:g} with kind {self.kind!r}, expected {expected}")
+        if (self.kind in _WITH_TOLERANCE) != (isfinite(self.tolerance) and self.tolerance >= 0.0):
+            expected = "at least 0" if self.kind in _WITH_TOLERANCE else "nan"
+            raise InvalidInputError(f"tolerance: {self.tolerance:g} with kind {self.kind!r}, expected {expected}")
 
 
 @checked
@@ -115,6 +156,13 @@ class Verdict:
         the repeats do not agree on a sign.
     verdict
         ``"reproduced"``, ``"same direction"``, ``"not reproduced"`` or ``"no data"``.
+
+    Raises
+    ------
+    UnknownNameError
+        For another verdict.
+    InvalidInputError
+        For a negative number of repeats.
     """
 
     statement: Statement
@@ -125,7 +173,11 @@ class Verdict:
     high: float
     unit: str
     agreement: float
-    verdict: str
+    verdict: Word
+
+    def __post_init__(self) -> None:
+        for name in ("repeats", "left_out"):
+            check_whole(name, getattr(self, name))
 
 
 def columns_of(statement: Statement) -> list[str]:
@@ -135,10 +187,7 @@ def columns_of(statement: Statement) -> list[str]:
 
 def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
     """Raise InvalidInputError if columns are missing, a run is not identified completely, or a run is given twice."""
-    needed = dict.fromkeys([*KEY, "status", *(column for s in statements for column in columns_of(s))])
-    missing = [column for column in needed if column not in runs.columns]
-    if missing:
-        raise InvalidInputError(f"runs: missing columns {', '.join(missing)}")
+    check_columns("runs", runs, [*KEY, "status", *(column for s in statements for column in columns_of(s))])
     for column in KEY:
         if runs[column].isna().any():
             raise InvalidInputError(f"runs: {column} is missing in {int(runs[column].isna().sum())} rows")
@@ -206,6 +255,7 @@ def judge_checked(statement: Statement, runs: pd.DataFrame) -> Verdict:
     low, high = (float(bound) for bound in np.percentile(effect, [5, 95]))
     tolerance = 0.0 if np.isnan(statement.tolerance) else statement.tolerance
     inside = low - tolerance <= statement.value <= high + tolerance
+    verdict: Word
     if statement.kind == "value":
         verdict = "reproduced" if inside else "not reproduced"
     elif agreement < (1.0 if statement.kind == "inconclusive" else MIN_AGREEMENT):

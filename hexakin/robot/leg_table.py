@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
-from hexakin.checks import Array
+from hexakin.checks import Array, checked
 from hexakin.transforms import axis_rotation, pose
 
 NUM_JOINTS = 3
@@ -29,6 +30,7 @@ def pi_multiple(entry: str | int) -> Fraction | None:
     return Fraction(int(match[2] or 1), int(match[3] or 1)) * (-1 if match[1] == "-" else 1)
 
 
+@checked
 @dataclass(frozen=True)
 class DHRow:
     """One row of a Denavit-Hartenberg table.
@@ -43,6 +45,7 @@ class DHRow:
     alpha: str | int
 
 
+@checked
 @dataclass(frozen=True)
 class LegTable:
     """The Denavit-Hartenberg table of a leg.
@@ -53,7 +56,7 @@ class LegTable:
     the body frame, without rotation; it is empty if the first frame is the body frame.
     """
 
-    convention: str
+    convention: Literal["classical", "modified"]
     rows: tuple[DHRow, ...]
     joints: tuple[str, ...]
     mount: tuple[str | int, ...] = ()

@@ -10,8 +10,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hexakin.checks import Array, checked, read_only
-from hexakin.robot.leg_table import LegTable
+from hexakin.checks import Array, check_number, check_shape, check_whole, checked, read_only
+from hexakin.exceptions import InvalidInputError, shown
+from hexakin.robot.leg_table import NUM_JOINTS, LegTable
 from hexakin.transforms import pose, rotation_between
 
 GRAVITY = 9.81
@@ -21,12 +22,14 @@ SEGMENT_NAMES = ("coxa", "femur", "tibia")
 """Names of a leg's three rigid segments, one after each joint; the foot is fixed to the last one."""
 
 
+@checked
 @dataclass(frozen=True)
 class Body:
     """A rigid body: ``mass`` [kg], ``center_of_mass`` (3,) [m], ``inertia`` (3, 3) [kg m^2] about the centre of mass.
 
     ``size`` (3,) [m] are the edges of its box; for a foot, all three are the diameter of its sphere. The torso uses
-    the axes of the body frame. A segment uses its own frame: origin at its joint, x towards the next joint.
+    the axes of the body frame. A segment uses its own frame: origin at its joint, x towards the next joint. Raises
+    InvalidInputError for other shapes, and if the mass is not positive or an edge negative.
     """
 
     mass: float
@@ -35,8 +38,11 @@ class Body:
     size: Array
 
     def __post_init__(self) -> None:
-        for name in ("center_of_mass", "inertia", "size"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        object.__setattr__(self, "mass", check_number("mass", self.mass, above=0.0, unit="kg"))
+        for name, shape in (("center_of_mass", (3,)), ("inertia", (3, 3)), ("size", (3,))):
+            object.__setattr__(self, name, read_only(check_shape(name, getattr(self, name), shape)))
+        if self.size.min() < 0.0:
+            raise InvalidInputError(f"size: {shown(self.size)} m, expected no negative edge")
 
     @cached_property
     def corners(self) -> Array:
@@ -45,32 +51,44 @@ class Body:
         return read_only(self.center_of_mass + sides * self.size)
 
 
+@checked
 @dataclass(frozen=True)
 class Leg:
-    """One leg: its ``name`` and the ``values`` [m, rad] of the leg table's parameters by name."""
+    """One leg: its ``name`` and the ``values`` [m, rad] of the leg table's parameters by name.
+
+    Raises InvalidInputError for a value that is not finite.
+    """
 
     name: str
     values: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+        values = {name: check_number(f"values: {name}", value) for name, value in self.values.items()}
+        object.__setattr__(self, "values", MappingProxyType(values))
 
     def __reduce__(self) -> tuple:
         """Pickle with plain dicts, because read-only mappings cannot be pickled."""
         return Leg, (self.name, dict(self.values))
 
 
+@checked
 @dataclass(frozen=True)
 class Servo:
     """A velocity servo: it drives its joint at the speed ``rate`` [1/s] * (command - angle).
 
     Its torque is at most ``max_torque`` [N m]. ``max_speed`` [rad/s] is the largest joint speed that feasibility checks
-    allow, None if it is not known; the engines do not use it.
+    allow, None if it is not known; the engines do not use it. Raises InvalidInputError unless all are positive.
     """
 
     max_torque: float
     rate: float
     max_speed: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, unit in (("max_torque", "N m"), ("rate", "1/s"), ("max_speed", "rad/s")):
+            if getattr(self, name) is not None:
+                value = check_number(f"servo: {name}", getattr(self, name), above=0.0, unit=unit)
+                object.__setattr__(self, name, value)
 
 
 @checked
@@ -104,6 +122,12 @@ class Robot:
         The servo of every joint.
     sources
         The source of each value, by the path of its field in the file.
+
+    Raises
+    ------
+    InvalidInputError
+        For other shapes, a segment or a value of a leg that is missing, a forward axis that is no horizontal unit
+        vector, limits that do not ascend, and a standing pose beyond them.
     """
 
     made_by: ClassVar[str] = "hexakin.load_robot"
@@ -122,14 +146,37 @@ class Robot:
     sources: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("forward", "joint_limits", "standing_q"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+        joints = (len(self.legs), NUM_JOINTS)
+        for name, shape in (("forward", (3,)), ("joint_limits", (*joints, 2)), ("standing_q", joints)):
+            object.__setattr__(self, name, read_only(check_shape(name, getattr(self, name), shape)))
+        self._check_parts()
+        self._check_angles()
         for name in ("segments", "sources"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
+    def _check_parts(self) -> None:
+        if not self.legs:
+            raise InvalidInputError("legs: expected at least one")
+        if missing := [name for name in SEGMENT_NAMES if name not in self.segments]:
+            raise InvalidInputError(f"segments: no {', '.join(missing)}")
+        for leg in self.legs:
+            if missing := [name for name in self.table.parameters if name not in leg.values]:
+                raise InvalidInputError(f"legs: {leg.name} has no value for {', '.join(missing)}")
+
+    def _check_angles(self) -> None:
+        if not abs(np.linalg.norm(self.forward) - 1.0) <= 1e-6 or abs(self.forward[2]) > 1e-6:
+            raise InvalidInputError(f"forward: expected a horizontal unit vector, got {shown(self.forward)}")
+        for wrong, text in (
+            (self.q_min >= self.q_max, "joint_limits: {}: the lower limit is not below the upper limit"),
+            ((self.standing_q < self.q_min) | (self.standing_q > self.q_max), "standing_q: {} is beyond its limits"),
+        ):
+            if wrong.any():
+                leg, joint = np.argwhere(wrong)[0]
+                raise InvalidInputError(text.format(f"leg {leg + 1}, joint {joint + 1}"))
+
     def __reduce__(self) -> tuple:
         """Pickle with plain dicts, because read-only mappings cannot be pickled."""
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
         values |= {"segments": dict(self.segments), "sources": dict(self.sources)}
         return _rebuild, (values,)
 
@@ -185,7 +232,11 @@ class Robot:
 
     @checked
     def fixed_poses(self, leg: int) -> Array:
-        """Return the constant poses (4, 4, 4) of leg ``leg`` (index from 0); see ``LegTable.fixed_poses``."""
+        """Return the constant poses (4, 4, 4) of leg ``leg`` (index from 0); see ``LegTable.fixed_poses``.
+
+        Raises InvalidInputError if the robot does not have the leg.
+        """
+        check_whole("leg", leg, at_most=self.num_legs - 1)
         return self._fixed_poses[leg]
 
     @cached_property
@@ -197,7 +248,7 @@ class Robot:
     def segment_poses(self, leg: int) -> Array:
         """Return the pose (3, 4, 4) of each segment's frame, x towards the next joint, in the frame of its joint.
 
-        ``leg`` is the index of the leg, from 0.
+        ``leg`` is the index of the leg, from 0. Raises InvalidInputError if the robot does not have it.
         """
         ends = self.fixed_poses(leg)[1:, :3, 3]
         return np.array(

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_columns
 from hexakin.exceptions import InvalidInputError
 
 
@@ -20,9 +20,7 @@ def cells(table: pd.DataFrame, measure: str, factors: Sequence[str]) -> Array:
     the names of the factors' columns. A repeat is a pair of ``seed`` and ``layout``; runs that failed are NaN. Raises
     InvalidInputError for a combination of levels without any run, a run given twice, or a missing column.
     """
-    missing = [name for name in (*factors, measure, "seed", "layout", "status") if name not in table]
-    if missing:
-        raise InvalidInputError(f"table: missing columns {', '.join(missing)}")
+    check_columns("table", table, [*factors, measure, "seed", "layout", "status"])
     if table.duplicated([*factors, "seed", "layout"]).any():
         raise InvalidInputError("table: a run is given twice")
     values = table[measure].where(table["status"] == "ok").to_numpy(dtype=float)

@@ -13,10 +13,11 @@ from functools import cached_property
 from typing import Any
 
 import sympy as sp
+from sympy.core.function import Application
 from sympy.printing.pycode import PythonCodePrinter
 
-from hexakin.checks import checked
-from hexakin.exceptions import NoClosedFormError
+from hexakin.checks import check_number, check_whole, checked
+from hexakin.exceptions import InvalidInputError, NoClosedFormError, UnknownNameError
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable, pi_multiple
 
 
@@ -90,7 +91,12 @@ class LegKinematics:
 
     @checked
     def transform(self, start: int, stop: int) -> sp.Matrix:
-        """Transformation from frame ``start`` to frame ``stop`` of the table, such as T_01 for (0, 1)."""
+        """Transformation from frame ``start`` to frame ``stop`` of the table, such as T_01 for (0, 1).
+
+        Raises InvalidInputError for a frame that the table does not have, and if ``stop`` is before ``start``.
+        """
+        check_whole("start", start, at_most=len(self.table.rows))
+        check_whole("stop", stop, at_least=start, at_most=len(self.table.rows))
         rows = LegTable(self.table.convention, self.table.rows[start:stop], ())
         return self._chain(rows.motions)
 
@@ -113,8 +119,15 @@ class LegKinematics:
     def carried(self, joint: int, point: Sequence[sp.Expr | float]) -> sp.Matrix:
         """Position (3 x 1) in the body frame of a point that turns with joint ``joint`` (0 to 2).
 
-        ``point`` (3) is given in the joint's own frame, whose z is the joint's axis.
+        ``point`` (3) is given in the joint's own frame, whose z is the joint's axis. Raises InvalidInputError for
+        another joint or number of coordinates.
         """
+        check_whole("joint", joint, at_most=len(self.table.joints) - 1)
+        if len(point) != 3:
+            raise InvalidInputError(f"point: expected 3 coordinates, got {len(point)}")
+        for coordinate in point:
+            if not isinstance(coordinate, sp.Expr):
+                check_number("point", coordinate)
         return (self._chain(self._motions_to(joint + 1)) * sp.Matrix([*point, 1]))[:3, 0]
 
     @cached_property
@@ -196,8 +209,12 @@ def with_functions(
     """Return a function of ``arguments`` that computes ``expressions`` with the functions of another package.
 
     ``functions`` maps the names of sympy's functions, such as ``"sin"``, to those of the package. With CasADi's, for
-    example, the result takes and returns CasADi's symbols. Common subexpressions are computed once.
+    example, the result takes and returns CasADi's symbols. Common subexpressions are computed once. Raises
+    UnknownNameError for a function in ``expressions`` that ``functions`` lacks.
     """
+    for called in sorted({str(call.func) for expression in expressions for call in expression.atoms(Application)}):
+        if called not in functions:
+            raise UnknownNameError("function", called, sorted(functions))
     return sp.lambdify(
         arguments,
         list(expressions),

@@ -5,6 +5,7 @@ from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
+import pandas as pd
 
 
 class Awkward:
@@ -93,8 +94,26 @@ def derived(value):
         value = np.asarray(value)
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size:
         yield from _of_an_array(value)
+    elif isinstance(value, pd.DataFrame):
+        yield from _of_a_table(value).items()
     elif isinstance(value, (int, float)) and not isinstance(value, bool):
         yield from {"in millimetres": 1000.0 * value, "negated": -value, "as text": str(value)}.items()
+
+
+def _of_a_table(table):
+    return {
+        "no rows": table.iloc[:0],
+        "no columns": table[[]],
+        "one column missing": table.drop(columns=table.columns[len(table.columns) // 2]),
+        "first column missing": table.drop(columns=table.columns[0]),
+        "other names of columns": table.add_prefix("the "),
+        "numbers for columns": table.set_axis(range(len(table.columns)), axis=1),
+        "all as texts": table.astype(str),
+        "all missing": table.mask(np.ones(table.shape, dtype=bool)),
+        "rows twice": pd.concat([table, table]),
+        "transposed table": table.T,
+        "one column": table.iloc[:, 0],
+    }
 
 
 def _of_an_array(value):
