@@ -9,6 +9,7 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,8 @@ def test_every_requirement_has_a_lower_bound():
         assert re.match(r"[\w-]+>=\d", requirement), requirement
 
 
+MINORS = range(11, 15)
+"""Python 3.11 to 3.14, the columns of the README's table."""
 PLATFORMS = {
     "Linux, x86_64": ("x86_64-manylinux_2_28", ("linux", "Linux", "x86_64")),
     "Linux, aarch64": ("aarch64-manylinux_2_28", ("linux", "Linux", "aarch64")),
@@ -116,10 +119,13 @@ def test_pip_finds_wheels_alone_and_the_engines_of_the_readme_on_every_python(ro
     platform, _ = PLATFORMS[row]
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     cells = re.search(rf"^\| {row} \|(.+)\|$", readme, re.MULTILINE)[1].split("|")
-    for minor, cell in zip(range(11, 15), cells, strict=True):
-        pins = resolved("pyproject.toml", minor, platform)
-        # The newest versions are wheels: pip does not take a source package because it is newer.
-        assert resolved("pyproject.toml", minor, platform, "--only-binary", ":all:") == pins
+    with ThreadPoolExecutor(4) as pool:
+        newest, wheels = (
+            list(pool.map(lambda minor, options=options: resolved(minor, platform, *options), MINORS))
+            for options in ((), ("--only-binary", ":all:"))
+        )
+    assert newest == wheels, "pip would take a source package, because it is newer than the wheel"
+    for minor, cell, pins in zip(MINORS, cells, newest, strict=True):
         names = {pin.partition("==")[0] for pin in pins}
         engines = {"pybullet": names & {"pybullet", "pybullet-arm64"}, "rigid": {"pin", "numba"} <= names}
         assert set(re.findall(r"`(\w+)`", cell)) == {engine for engine, there in engines.items() if there}, (row, minor)
@@ -131,17 +137,17 @@ def test_the_message_on_pybullet_names_the_package_that_pip_would_install():
 
     pybullets = [each for each in map(Requirement, DEPENDENCIES) if each.name.startswith("pybullet")]
     for _, (sys_platform, system, machine) in PLATFORMS.values():
-        for minor in range(11, 15):
+        for minor in MINORS:
             where = {"python_version": f"3.{minor}", "sys_platform": sys_platform, "platform_machine": machine}
             names = [each.name for each in pybullets if each.marker.evaluate(where)]
             assert names == [name for name in [wheel((3, minor), system, machine)] if name]
 
 
-def resolved(file, minor, platform, *options):
-    """The versions that an installation of ``file`` with Python 3.``minor`` gets; needs the package index."""
+def resolved(minor, platform, *options):
+    """The versions that an installation with Python 3.``minor`` gets; needs the package index."""
     call = [sys.executable, "-m", "uv", "pip", "compile", "--quiet", "--no-header", "--no-annotate", *options]
     done = subprocess.run(
-        [*call, "--python-version", f"3.{minor}", "--python-platform", platform, str(ROOT / file)],
+        [*call, "--python-version", f"3.{minor}", "--python-platform", platform, str(ROOT / "pyproject.toml")],
         capture_output=True,
         text=True,
     )

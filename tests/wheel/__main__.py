@@ -20,21 +20,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from environments import ROOT, built, interpreter, output
+from environments import ROOT, built_wheel, install, installed, interpreter, new_environment, uninstall
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 VERSION = "3.13"
 PYBULLET = ("pybullet", "pybullet-arm64")  # distributions of the one module
 LONGEST = 900  # [s]; only a command that hangs takes so long
-
-
-def install(python: str, folder: Path) -> Path:
-    """Install the wheel into a new environment in ``folder``, and return the folder of the environment's programs."""
-    subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
-    programs = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
-    pip = [programs / "python", "-m", "pip", "install", "-qq", "--disable-pip-version-check"]
-    subprocess.run([*pip, "--constraint", ROOT / "environment.txt", f"{built(folder)}[animation]"], check=True)
-    return programs
 
 
 def examples() -> Iterator[tuple[str, str]]:
@@ -62,9 +53,9 @@ def run(name: str, command: list[str | Path], folder: Path, says: str = "") -> N
     print(f"  {time.perf_counter() - start:5.1f} s  {name}", flush=True)
 
 
-def use(programs: Path, folder: Path, engine: str) -> int:
+def use(python: Path, folder: Path, engine: str) -> int:
     """Run everything once, and return the number of commands. ``engine`` is the one that hk.simulate must choose."""
-    python, hexakin = programs / "python", programs / "hexakin"
+    hexakin = python.with_name("hexakin")
     version = re.search(r'__version__ = "(.+)"', (ROOT / "hexakin" / "installation.py").read_text(encoding="utf-8"))
     commands: list[tuple[str, list[str | Path], str]] = [
         ("hexakin --version", [hexakin, "--version"], f"hexakin {version[1] if version else ''}"),
@@ -84,19 +75,19 @@ def use(programs: Path, folder: Path, engine: str) -> int:
 
 
 def main() -> None:
-    python = sys.argv[1] if len(sys.argv) > 1 else interpreter(VERSION)
+    chosen = sys.argv[1] if len(sys.argv) > 1 else interpreter(VERSION)
     with tempfile.TemporaryDirectory() as name:
         folder, count = Path(name), 0
-        print(f"Installing the wheel with {python}", flush=True)
-        programs = install(python, folder)
-        pip = [str(programs / "python"), "-m", "pip", "--disable-pip-version-check"]
-        there = [package for package in PYBULLET if output([*pip, "show", package])]
-        if there:
-            print(f"With {there[0]}:", flush=True)
-            count += use(programs, folder, "pybullet")
-            subprocess.run([*pip, "uninstall", "--quiet", "--yes", *there], check=True)
+        print(f"Installing the wheel with {chosen}", flush=True)
+        python = new_environment(folder / "venv", chosen)
+        install(python, "--constraint", ROOT / "environment.txt", f"{built_wheel(folder)}[animation]")
+        for package in PYBULLET:
+            if installed(python, package):
+                print(f"With {package}:", flush=True)
+                count += use(python, folder, "pybullet")
+                uninstall(python, package)
         print("Without PyBullet:", flush=True)
-        count += use(programs, folder, "rigid")
+        count += use(python, folder, "rigid")
     print(f"tests of the wheel: {count} passed, 0 failed")
 
 

@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from environments import ROOT, built, interpreter
+from environments import ROOT, built_wheel, install, interpreter, new_environment
 
 BUILDS = (("3.11", "pybullet"), ("3.11", "pybullet-arm64"), ("3.13", "pybullet-arm64"))
 # What a walk needs. NumPy and SciPy are those of this Python, so that nothing but the build of PyBullet differs.
@@ -30,12 +30,9 @@ hk.simulate(robot, hk.terrain.Ramp(), controller, engine="pybullet", duration=2.
 def walk(folder: Path, wheel: Path, version: str, package: str) -> dict[str, np.ndarray]:
     """Simulate with a build of PyBullet in an environment of its own; return the arrays of the recording."""
     folder.mkdir()
-    uv = [sys.executable, "-m", "uv"]
-    subprocess.run([*uv, "venv", "--quiet", "--python", interpreter(version), folder / "venv"], check=True)
-    python = folder / "venv" / "bin" / "python"
-    install = [*uv, "pip", "install", "--quiet", "--no-build", "--python", python]
-    subprocess.run([*install, "--no-deps", "--constraint", ROOT / "environment.txt", wheel, package], check=True)
-    subprocess.run([*install, *NEEDS], check=True)
+    python = new_environment(folder / "venv", interpreter(version))
+    install(python, "--no-deps", "--constraint", ROOT / "environment.txt", wheel, package)
+    install(python, *NEEDS)
     subprocess.run([python, "-I", "-c", WALK], cwd=folder, check=True)
     with np.load(folder / "walk.npz") as stored:
         return {name: stored[name] for name in stored.files if stored[name].dtype.kind != "U"}  # "U": names, versions
@@ -43,7 +40,7 @@ def walk(folder: Path, wheel: Path, version: str, package: str) -> dict[str, np.
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
-        wheel = built(Path(name))
+        wheel = built_wheel(Path(name))
         walks = [walk(Path(name, str(number)), wheel, *build) for number, build in enumerate(BUILDS)]
     first = walks[0]
     for build, other in zip(BUILDS[1:], walks[1:], strict=True):
