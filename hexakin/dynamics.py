@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_poses, checked
 from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot
 
@@ -177,6 +178,9 @@ class MaximalModel(NamedTuple):
     names: tuple[str, ...]
     mass: Array
     jacobian: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @checked

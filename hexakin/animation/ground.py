@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array
 from hexakin.figures.solids_3d import BlockFaces
+from hexakin.numerics.display import short_repr
 from hexakin.terrain.base import Terrain, TriangleMesh
 from hexakin.terrain.columns import block_columns
 
@@ -32,6 +33,9 @@ class Surface(NamedTuple):
     triangles: NDArray[np.int_]
     colour: str
     tile: float = 0.0
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def ground_surfaces(terrain: Terrain, p_foot: Array) -> tuple[Surface, ...]:

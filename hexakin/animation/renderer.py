@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hexakin.checks import Array
+from hexakin.numerics.display import short_repr
 
 _AMBIENT, _DIFFUSE = 0.55, 0.5  # shares of a colour on a face in shadow, and added where light meets it at right angles
 _LIGHT = np.array([0.6, -0.4, 2.0])  # direction to the light, in the world frame
@@ -33,6 +34,9 @@ class Camera(NamedTuple):
     place: Array
     axes: Array
     size: tuple[int, int]
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def local(self, points: Array) -> Array:
         """Return points (..., 3) [m] of the world in the camera's frame; z (last) is the depth [m]."""

@@ -19,6 +19,7 @@ from hexakin.kinematics.forward import forward_kinematics, segment_poses, standi
 from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.stability.polygon import support_polygon
 from hexakin.stability.time_series import zero_moment_point
@@ -48,6 +49,9 @@ class Part(NamedTuple):
     size: Array
     T_node_part: Array
     colour: str
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,6 +120,8 @@ class Scene:
     center: Array
     eye: Array
     newtons_per_metre: float
+
+    __repr__ = short_repr
 
     @property
     def notes(self) -> list[str]:

@@ -19,6 +19,7 @@ from hexakin.checks import Array, check_array, check_number, check_whole
 from hexakin.contact.cone import impulse_scales, natural_residual
 from hexakin.dynamics import pin
 from hexakin.exceptions import InvalidInputError
+from hexakin.numerics.display import short_repr
 
 
 class AdmmSolution(NamedTuple):
@@ -32,6 +33,9 @@ class AdmmSolution(NamedTuple):
     u: Array
     residual: float
     iterations: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def solve_admm(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.contact.impulses import solve_impact
 from hexakin.exceptions import ContactError, InvalidInputError, UnknownNameError, shown
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import announced
 
 LAWS = ("poisson", "newton")
@@ -57,6 +58,8 @@ class ContactProblem:
     servo: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     servo_velocity: ArrayLike = 0.0
     servo_limit: ArrayLike = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         momentum = check_shape("momentum", self.momentum, (None,))
@@ -127,6 +130,9 @@ class ContactSolution(NamedTuple):
     contact_velocity: Array
     residuals: Residuals
     iterations: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def check_facets(facets: int | None) -> int | None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 
 MIN_SLENDERNESS = 0.2
@@ -31,6 +32,9 @@ class GroundPlane(NamedTuple):
     normal: Array
     offset: float
     misfit: float
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def supporting_feet(foot_force: ArrayLike, threshold: float = 0.0) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.checks import Array, check_array, check_whole, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.motion.recording import Recording, as_json
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 
@@ -48,6 +49,9 @@ class Observation(NamedTuple):
     height: float
     body_angular_velocity: Array
     up_in_body: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     @classmethod
     @checked
@@ -103,6 +107,9 @@ class Command(NamedTuple):
     torque: Array | None = None
     kp: Array | None = None
     kd: Array | None = None
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def check_command(command: object, num_legs: int) -> Command:

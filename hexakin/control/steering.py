@@ -21,6 +21,7 @@ from hexakin.control.standing_up import footholds_to_rise_on, lies
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation, cross_matrix
 from hexakin.walking.gait import Gait, gait_of
@@ -88,6 +89,8 @@ class SteeringController:
     response: float = 1.5
     rise_duration: float = 1.0
     home: Array = field(init=False, repr=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gait", gait_of(self.robot, self.gait))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
 
@@ -23,6 +24,9 @@ class TorqueLaw(NamedTuple):
     kp: Array
     kd: Array
     torque: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Reading(NamedTuple):
@@ -81,6 +85,9 @@ class Reading(NamedTuple):
     servo_work: float = math.nan
     contact_work: float = math.nan
     solver_residual: float = math.nan
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class Engine(ABC):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array
 from hexakin.engines.ground_grid import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, compiled
 
 _CANDIDATES = 64  # largest number of boxes and triangles near one sphere that are compared
@@ -58,6 +59,9 @@ class Bodies(NamedTuple):
     servo_q: Whole
     meeting: bool
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class Contacts(NamedTuple):
     """Contacts that the search has found, in arrays of a fixed capacity c.
@@ -84,6 +88,9 @@ class Contacts(NamedTuple):
     gap: Array
     group: Whole
     key: Whole
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def empty_contacts(capacity: int) -> Contacts:

@@ -8,6 +8,7 @@ import numpy as np
 
 from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, compiled
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 
@@ -52,6 +53,9 @@ class Ground(NamedTuple):
     start: Whole
     items: Whole
     top: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def compile_ground(terrain: Terrain) -> Ground:

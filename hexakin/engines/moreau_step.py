@@ -26,6 +26,7 @@ from hexakin.checks import Array
 from hexakin.contact.impulses import AT_HIGH, AT_LOW, HOLDS, solve_impact, solve_impulses
 from hexakin.engines.ground_contacts import Bodies, Contacts, find_contacts
 from hexakin.engines.ground_grid import Ground
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, compiled
 
 CAPACITY = 256  # largest number of contacts; with time steps of 50 ms all corners of ATHENA's boxes are candidates
@@ -87,6 +88,9 @@ class Drive(NamedTuple):
     kd: Array
     torque: Array
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class State(NamedTuple):
     """State that is kept from step to step, and results; all arrays are changed in place.
@@ -122,6 +126,9 @@ class State(NamedTuple):
     last_impulse: Array
     sums: Array
     rate_moment: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @compiled

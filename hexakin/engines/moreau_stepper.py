@@ -21,6 +21,7 @@ from hexakin.engines.ground_grid import compile_ground
 from hexakin.engines.moreau_step import CAPACITY, Drive, Law, State, drift, march
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import announced
 from hexakin.robot.model import GRAVITY
 from hexakin.terrain.base import Terrain
@@ -64,6 +65,9 @@ class StepSums(NamedTuple):
     penetration: float
     residual: float
     rate_moment: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 class MoreauStepper:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hexakin.checks import Array
+from hexakin.numerics.display import short_repr
 
 
 class Sphere(NamedTuple):
@@ -19,6 +20,9 @@ class Sphere(NamedTuple):
     radius: float
     group: int
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 class Cuboid(NamedTuple):
     """A box that is fixed to the body of a joint.
@@ -32,3 +36,6 @@ class Cuboid(NamedTuple):
     placement: Array
     size: Array
     group: int
+
+    def __repr__(self) -> str:
+        return short_repr(self)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array, read_only
 from hexakin.exceptions import MissingPackageError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable
 from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.symbolic.leg import derive, with_functions
@@ -50,6 +51,9 @@ class LegStates(NamedTuple):
     knee: Array
     moment: Array
     moment_slope: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 @lru_cache(maxsize=16)

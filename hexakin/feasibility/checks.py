@@ -23,8 +23,8 @@ from hexakin.kinematics.inverse import inverse_kinematics
 from hexakin.motion.clearance import foot_gaps, torso_gaps
 from hexakin.motion.motion import Motion, motion_of
 from hexakin.motion.recording import Recording
-from hexakin.motion.short_repr import short_repr
 from hexakin.motion.walk_plan import WalkPlan
+from hexakin.numerics.display import html_table, short_repr
 from hexakin.robot.model import Robot
 from hexakin.stability.polygon import polygon_margins
 from hexakin.terrain.base import Terrain, gaps
@@ -92,6 +92,26 @@ class FeasibilityReport:
 
     def __repr__(self) -> str:
         return f"FeasibilityReport({self._verdict()}; {len(self.motion.time)} instants)"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the constraints, for a notebook."""
+        said = {True: "yes", False: "NO", None: "not checked"}
+        rows = [
+            (
+                c.name,
+                said[c.satisfied],
+                *(
+                    ("",) * 4
+                    if c.satisfied is None
+                    else (f"{c.worst:+.4g}", c.unit, f"{c.time:.4g}", "all" if c.leg is None else str(c.leg))
+                ),
+                c.mend,
+            )
+            for c in self.constraints.values()
+        ]
+        return html_table(
+            repr(self), ("constraint", "satisfied", "smallest slack", "unit", "time [s]", "leg", ""), rows
+        )
 
     @property
     def feasible(self) -> bool:

@@ -26,7 +26,7 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
 from hexakin.feasibility.statics import StaticProblem, static_problem
-from hexakin.motion.short_repr import short_repr
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 

@@ -12,6 +12,7 @@ from hexakin.checks import Array, check_array, check_whole
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import LegStates
 from hexakin.kinematics.forward import contact_jacobian
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import GRAVITY, Robot
 from hexakin.stability.friction_pyramid import contact_frames, pyramid_faces
 from hexakin.transforms import cross_matrix
@@ -53,6 +54,8 @@ class StaticProblem:
     frames: Array
     center_of_mass: Array
     unit: float
+
+    __repr__ = short_repr
 
     def at(self, instants: NDArray[np.int_]) -> StaticProblem:
         """Return the problems of the given ``instants`` (k,)."""

@@ -32,6 +32,7 @@ from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import posed_inverse_kinematics
 from hexakin.kinematics.leg_functions import reach
 from hexakin.motion.clearance import torso_gaps
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 from hexakin.terrain.planes import Plane
@@ -58,6 +59,8 @@ class Posture:
     p_world_foot: Array
     torso_clearance: float
     faults: Mapping[int, str]
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         check_poses("T_world_body", check_shape("T_world_body", self.T_world_body, (4, 4)))

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from hexakin.checks import Array
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 
 LIMIT_TOLERANCE = 1e-9
@@ -34,6 +35,9 @@ class Bounds(NamedTuple):
     middle: Any
     low: Any
     high: Any
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def each(self, function: Callable[[Any], Any]) -> Bounds:
         """Return bounds with the fields ``function(field)``."""

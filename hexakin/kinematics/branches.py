@@ -21,6 +21,7 @@ from hexakin.kinematics.bounds import LIMIT_TOLERANCE
 from hexakin.kinematics.evaluation import Solved, forward_of, inverse_of, reach_of
 from hexakin.kinematics.leg_functions import closed_form, reach
 from hexakin.kinematics.numerical import solve_numerically
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.transforms import wrapped
 
@@ -51,6 +52,8 @@ class InverseSolution:
     distance: Array
     reach: Array
     numerical: bool = False
+
+    __repr__ = short_repr
 
 
 @checked

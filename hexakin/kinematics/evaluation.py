@@ -33,6 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.checks import Array, checked, read_only
 from hexakin.kinematics.bounds import Bounds, bounds_of
 from hexakin.kinematics.leg_functions import LegFunctions, leg_functions
+from hexakin.numerics.display import short_repr
 from hexakin.numerics.trigonometry import PER_TURN, TURN
 from hexakin.robot.model import Robot
 
@@ -169,6 +170,9 @@ class Solved(NamedTuple):
     reachable: NDArray[np.bool_]
     within_limits: NDArray[np.bool_]
     distance: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
     def at(self, index: Any) -> Solved:
         """Return the part at ``index`` of the axes b and N, as views."""

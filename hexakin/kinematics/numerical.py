@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array
 from hexakin.kinematics.leg_functions import leg_functions
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.transforms import wrapped
 
@@ -38,6 +39,9 @@ class Solutions(NamedTuple):
 
     q: Array
     distance: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def solve_numerically(robot: Robot, foot: Array) -> Solutions:

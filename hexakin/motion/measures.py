@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, checked, read_only
 from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.motion.columns import column, columns_table, dataframe, described
 from hexakin.motion.recording import Recording
+from hexakin.numerics.display import short_repr
 from hexakin.transforms import transform_points
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Quartiles(NamedTuple):
@@ -27,31 +32,35 @@ class Quartiles(NamedTuple):
         return self.upper - self.lower
 
 
+@described("c")
 @dataclass(frozen=True)
 class CycleMeasures:
-    """Measures of each of c whole gait cycles (A section 5.2).
+    """Measures of each of c whole gait cycles (A section 5.2)."""
 
-    Parameters
-    ----------
-    height
-        Root mean square (c,) [m] of the torso's height.
-    pitch_rate, roll_rate
-        Root mean squares (c,) [rad/s] of the pitch rate and of the roll rate.
-    torso_contact
-        Share (c,) of the cycle's ticks at which the torso touched the ground.
-    limb_contact
-        Share (c,) of the cycle's ticks at which a coxa, femur or tibia touched the ground.
-    """
+    height: Array = field(metadata=column("", "m", "root mean square of the torso's height"))
+    pitch_rate: Array = field(metadata=column("", "rad/s", "root mean square of the pitch rate"))
+    roll_rate: Array = field(metadata=column("", "rad/s", "root mean square of the roll rate"))
+    torso_contact: Array = field(metadata=column("", "1", "share of the ticks at which the torso touched the ground"))
+    limb_contact: Array = field(
+        metadata=column("", "1", "share of the ticks at which a coxa, femur or tibia touched the ground")
+    )
 
-    height: Array
-    pitch_rate: Array
-    roll_rate: Array
-    torso_contact: Array
-    limb_contact: Array
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
             object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def _repr_html_(self) -> str:
+        return columns_table(self, f"CycleMeasures, {len(self.height)} gait cycles")
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the measures as a DataFrame, one row for each whole gait cycle; the index ``cycle`` counts from 0.
+
+        Names and units of the columns are those of the fields: ``height`` [m], ``pitch_rate`` [rad/s]. Raises
+        InvalidInputError for fields of different lengths.
+        """
+        return dataframe(self).rename_axis("cycle")
 
 
 def rms(values: ArrayLike) -> float:

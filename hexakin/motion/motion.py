@@ -2,54 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError
+from hexakin.motion.columns import column, columns_table, dataframe, described
 from hexakin.motion.recording import Recording
-from hexakin.motion.short_repr import short_repr
 from hexakin.motion.walk_plan import WalkPlan
+from hexakin.numerics.display import short_repr
 from hexakin.transforms import inverse_pose, transform_points
 
+if TYPE_CHECKING:
+    import pandas as pd
 
+
+@described("n")
 @checked
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of the body and of L legs at n instants.
 
-    Parameters
-    ----------
-    time
-        Instants (n,) [s].
-    T_world_body
-        Poses (n, 4, 4) of the body in the world.
-    p_body_foot
-        Positions (n, L, 3) [m] of the feet's centres in the body frame, as planned, commanded or recorded.
-    q
-        Joint angles (n, L, 3) [rad], NaN where the foot's position cannot be reached.
-    carrying
-        Which feet carry load, (n, L) bool.
-    clipped
-        Which foot targets were out of reach or beyond the joint limits and were clipped, (n, L) bool.
-    ground_height
-        Height (n, L) [m] of the ground below each foot; None means that it is taken from the terrain.
-    touch
-        Largest depth [m] at which a foot that carries no load may be in the ground.
+    ``touch`` is the largest depth [m] at which a foot that carries no load may be in the ground.
     """
 
-    time: Array
-    T_world_body: Array
-    p_body_foot: Array
-    q: Array
-    carrying: NDArray[np.bool_]
-    clipped: NDArray[np.bool_]
-    ground_height: Array | None = None
+    time: Array = field(metadata=column("", "s", "instant"))
+    T_world_body: Array = field(metadata=column("pose", "m", "pose of the body in the world"))
+    p_body_foot: Array = field(
+        metadata=column("leg axis", "m", "foot centres in the body frame, as planned, commanded or recorded")
+    )
+    q: Array = field(metadata=column("leg joint", "rad", "joint angles; NaN where the foot's position is out of reach"))
+    carrying: NDArray[np.bool_] = field(metadata=column("leg", "bool", "whether the foot carries load", "b"))
+    clipped: NDArray[np.bool_] = field(
+        metadata=column("leg", "bool", "whether the target was clipped (reach or joint limits)", "b")
+    )
+    ground_height: Array | None = field(
+        default=None, metadata=column("leg", "m", "height of the ground below the foot; None: that of the terrain")
+    )
     touch: float = 1e-6
 
     __repr__ = short_repr
+
+    def _repr_html_(self) -> str:
+        return columns_table(self, f"Motion, {len(self.time)} instants")
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return all columns as a DataFrame with the index ``time`` [s]; angles of feet out of reach are NaN.
+
+        Names and units are those of ``Recording.to_dataframe``: ``p_body_foot_leg1_x`` [m], ``q_leg1_coxa`` [rad],
+        ``carrying_leg1``. Raises InvalidInputError for arrays whose shapes do not go together.
+        """
+        return dataframe(self)
 
 
 def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:

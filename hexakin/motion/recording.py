@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,10 @@ from numpy.typing import NDArray
 from hexakin.checks import Array, check_number, check_path, check_whole, checked
 from hexakin.checks.files import Arrays, Header, opened_arrays, parse_json, whole_file
 from hexakin.exceptions import FileError, InvalidInputError, RecordingError
+from hexakin.motion.columns import column, columns_of, columns_table, dataframe, described, row_shape
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # A recording has about 1.2 kB per control tick: the largest is one of 12 hours at 20 ticks per second. The file of a
 # walk has about three quarters of this size, that of a robot at rest less.
@@ -29,62 +32,60 @@ _DIAGNOSTIC = "diagnostics/"  # prefix of the diagnostics' names in a file
 _FORMER_COLUMNS = ("delta_z", "delta_alpha", "delta_beta", "plane_misfit")  # diagnostics since format 4
 
 
-def _column(shape: tuple[str | int, ...], unit: str, text: str, kind: str = "f") -> dict[str, Any]:
-    """Describe a column: the shape of one row ("L" is the number of legs), the unit, the meaning and NumPy's kind."""
-    return {"shape": shape, "unit": unit, "text": text, "kind": kind}
-
-
+@described("n")
 @checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """Recording of a simulated walk with L legs, at n control ticks (A section 5.2).
 
     Row k of each array belongs to ``time[k]``, the start of tick k. "The tick before" lasts from row k - 1 to row k.
+
+    ``diagnostics`` maps the name of each diagnostic of the controller to an array (n,) [in the controller's unit];
+    ``recording.name`` is the same array. ``parameters`` maps names to values that JSON can store: robot, terrain,
+    controller, engine, time steps, seed and versions of the packages.
     """
 
-    time: Array = field(metadata=_column((), "s", "start of the tick"))
-    T_world_body: Array = field(metadata=_column((4, 4), "m", "pose of the body in the world"))
-    body_velocity: Array = field(metadata=_column((3,), "m/s", "velocity of the body's origin, in the world frame"))
-    body_angular_velocity: Array = field(metadata=_column((3,), "rad/s", "angular velocity, in the body frame (IMU)"))
+    time: Array = field(metadata=column("", "s", "start of the tick"))
+    T_world_body: Array = field(metadata=column("pose", "m", "pose of the body in the world"))
+    body_velocity: Array = field(metadata=column("axis", "m/s", "velocity of the body's origin, in the world frame"))
+    body_angular_velocity: Array = field(metadata=column("axis", "rad/s", "angular velocity, in the body frame (IMU)"))
     body_rate_moment: Array = field(
-        metadata=_column((3, 3), "1/s^2", "mean of w w^T over the steps of the tick before, w the angular velocity")
+        metadata=column("axis axis", "1/s^2", "mean of w w^T over the steps of the tick before, w the angular velocity")
     )
     height: Array = field(
-        metadata=_column((), "m", "distance from the body's origin to the ground along its downward axis (infrared)")
+        metadata=column("", "m", "distance from the body's origin to the ground along its downward axis (infrared)")
     )
-    q: Array = field(metadata=_column(("L", 3), "rad", "joint angles"))
+    q: Array = field(metadata=column("leg joint", "rad", "joint angles"))
     joint_velocity: Array = field(
-        metadata=_column(("L", 3), "rad/s", "rates of the joint angles; NaN in recordings before 0.2")
+        metadata=column("leg joint", "rad/s", "rates of the joint angles; NaN in recordings before 0.2")
     )
-    q_command: Array = field(metadata=_column(("L", 3), "rad", "commanded joint angles at this instant"))
+    q_command: Array = field(metadata=column("leg joint", "rad", "commanded joint angles at this instant"))
     joint_torque: Array = field(
-        metadata=_column(("L", 3), "N m", "torques of the servos, in the last physics step before this instant")
+        metadata=column("leg joint", "N m", "torques of the servos, in the last physics step before this instant")
     )
-    p_body_foot: Array = field(metadata=_column(("L", 3), "m", "foot centres in the body frame"))
-    foot_force: Array = field(metadata=_column(("L",), "N", "normal forces on the feet, mean over the tick before"))
+    p_body_foot: Array = field(metadata=column("leg axis", "m", "foot centres in the body frame"))
+    foot_force: Array = field(metadata=column("leg", "N", "normal forces on the feet, mean over the tick before"))
     foot_force_last: Array = field(
-        metadata=_column(("L",), "N", "normal forces on the feet, in the last physics step before this instant")
+        metadata=column("leg", "N", "normal forces on the feet, in the last physics step before this instant")
     )
-    torso_force: Array = field(metadata=_column((), "N", "normal force on the torso, mean over the tick before"))
+    torso_force: Array = field(metadata=column("", "N", "normal force on the torso, mean over the tick before"))
     limb_force: Array = field(
-        metadata=_column((), "N", "sum of the normal forces on coxae, femora and tibiae, mean over the tick before")
+        metadata=column("", "N", "sum of the normal forces on coxae, femora and tibiae, mean over the tick before")
     )
-    penetration: Array = field(metadata=_column((), "m", "largest penetration of any contact in the tick before"))
-    energy: Array = field(metadata=_column((), "J", "kinetic and potential energy; NaN if not computed"))
-    servo_work: Array = field(metadata=_column((), "J", "work of the servos in the tick before; NaN if not computed"))
+    penetration: Array = field(metadata=column("", "m", "largest penetration of any contact in the tick before"))
+    energy: Array = field(metadata=column("", "J", "kinetic and potential energy; NaN if not computed"))
+    servo_work: Array = field(metadata=column("", "J", "work of the servos in the tick before; NaN if not computed"))
     contact_work: Array = field(
-        metadata=_column((), "J", "work of the contacts in the tick before; NaN if not computed")
+        metadata=column("", "J", "work of the contacts in the tick before; NaN if not computed")
     )
     solver_residual: Array = field(
-        metadata=_column((), "1", "largest residual of the contact solver in the tick before; NaN if not computed")
+        metadata=column("", "1", "largest residual of the contact solver in the tick before; NaN if not computed")
     )
-    phase: NDArray[np.int_] = field(metadata=_column((), "1", "number of the gait phase, counted from 0", "i"))
-    stance: NDArray[np.bool_] = field(
-        metadata=_column(("L",), "bool", "whether the leg is in stance, as commanded", "b")
-    )
-    extending: NDArray[np.bool_] = field(metadata=_column((), "bool", "whether feet move down to find the ground", "b"))
+    phase: NDArray[np.int_] = field(metadata=column("", "1", "number of the gait phase, counted from 0", "i"))
+    stance: NDArray[np.bool_] = field(metadata=column("leg", "bool", "whether the leg is in stance, as commanded", "b"))
+    extending: NDArray[np.bool_] = field(metadata=column("", "bool", "whether feet move down to find the ground", "b"))
     limited: NDArray[np.bool_] = field(
-        metadata=_column(("L",), "bool", "whether the foot target was clipped (reach or joint limits)", "b")
+        metadata=column("leg", "bool", "whether the foot target was clipped (reach or joint limits)", "b")
     )
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -105,10 +106,24 @@ class Recording:
             return diagnostics[name]
         raise AttributeError(f"a recording has no {name!r}; the controller's diagnostics are: {sorted(diagnostics)}")
 
+    def _repr_html_(self) -> str:
+        return columns_table(self, repr(self), self.diagnostics)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return all columns as a DataFrame with the index ``time`` [s]; values that are not known are NaN.
+
+        Names end with the number of the leg, the segment that the joint moves and the axis, units are those of the
+        columns: ``q_leg1_coxa`` [rad], ``foot_force_leg6`` [N], ``body_velocity_x`` [m/s]. The pose of the body is
+        ``T_world_body_x``, ``_y``, ``_z`` [m] and its quaternion ``T_world_body_qx``, ``_qy``, ``_qz``, ``_qw``, whose
+        scalar part is not negative. Diagnostics have their own names. Raises InvalidInputError for columns of different
+        lengths and for a diagnostic with the name of another column.
+        """
+        return dataframe(self, self.diagnostics)
+
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """All columns by name, diagnostics included; the first axis of each array (n, ...) is time."""
-        return {column.name: getattr(self, column.name) for column in _COLUMNS} | dict(self.diagnostics)
+        return {part.name: getattr(self, part.name) for part in _COLUMNS} | dict(self.diagnostics)
 
     @property
     def num_legs(self) -> int:
@@ -141,7 +156,7 @@ class Recording:
         target = check_path("path", path)
         if target.suffix != ".npz":
             target = target.with_name(target.name + ".npz")
-        arrays = {column.name: getattr(self, column.name) for column in _COLUMNS}
+        arrays = {part.name: getattr(self, part.name) for part in _COLUMNS}
         arrays |= {_DIAGNOSTIC + name: values for name, values in self.diagnostics.items()}
         try:
             parameters = json.dumps(dict(self.parameters), default=as_json)
@@ -151,36 +166,7 @@ class Recording:
             np.savez_compressed(stream, format=_FORMAT, parameters=parameters, **arrays)
 
 
-_COLUMNS: tuple[Field, ...] = tuple(column for column in fields(Recording) if column.metadata)
-
-
-def _described() -> str:
-    """Return the docstring of Recording with a table of its columns."""
-    rows = []
-    for column in _COLUMNS:
-        shape = ", ".join(["n", *map(str, column.metadata["shape"])])
-        rows.append(
-            (f"``{column.name}``", f"({shape}{',' * (shape == 'n')})", column.metadata["unit"], column.metadata["text"])
-        )
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    line = "  ".join("=" * width for width in widths)
-    head = "  ".join(text.ljust(width) for text, width in zip(("field", "shape", "unit", ""), widths, strict=True))
-    table = "\n".join("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows)
-    return f"""{inspect.cleandoc(Recording.__doc__ or "")}
-
-{line}
-{head.rstrip()}
-{line}
-{table}
-{line}
-
-``diagnostics`` maps the name of each diagnostic of the controller to an array (n,) [in the controller's unit];
-``recording.name`` is the same array. ``parameters`` maps names to values that JSON can store: robot, terrain,
-controller, engine, time steps, seed and versions of the packages.
-"""
-
-
-Recording.__doc__ = _described()
+_COLUMNS = columns_of(Recording)
 
 
 def as_json(value: Any) -> Any:
@@ -215,7 +201,7 @@ def _read(archive: Arrays) -> Recording:
         raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
     # The name in the file of each column and diagnostic.
     names = {name: name for name in archive.headers if name.startswith(_DIAGNOSTIC)}
-    names |= {column.name: column.name for column in _COLUMNS}
+    names |= {part.name: part.name for part in _COLUMNS}
     if made in _OLDER:
         del names["joint_velocity"]
         names |= {_DIAGNOSTIC + name: name for name in _FORMER_COLUMNS}
@@ -244,9 +230,9 @@ def _check_arrays(path: Path, headers: Mapping[str, Header]) -> None:
     time, q = headers["time"].shape, headers["q"].shape
     if len(time) != 1 or time[0] == 0 or len(q) != 3 or q[1] == 0:
         raise RecordingError(f"{path}: time {time} and q {q} are not the shapes of a recording")
-    described = {column.name: (column.metadata["shape"], column.metadata["kind"]) for column in _COLUMNS}
+    rows = {part.name: (row_shape(part), part.metadata["kind"]) for part in _COLUMNS}
     for name, (shape, dtype) in headers.items():
-        trailing, kind = described.get(name, ((), "f"))
+        trailing, kind = rows.get(name, ((), "f"))
         expected = (*time, *(q[1] if size == "L" else size for size in trailing))
         if shape != expected or dtype.kind != kind:
             raise RecordingError(f"{path}: {name} has shape {shape} of {dtype}, expected {expected}")

@@ -1,1 +1,1 @@
-"""Fast trigonometry for arrays, and numba with a checked cache on disk."""
+"""Fast trigonometry for arrays, numba with a checked cache on disk, and how long arrays are printed."""

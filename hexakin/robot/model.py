@@ -12,6 +12,7 @@ import numpy as np
 
 from hexakin.checks import Array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError, shown
+from hexakin.numerics.display import html_table, short_repr, spread
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable
 from hexakin.transforms import pose, rotation_between
 
@@ -36,6 +37,8 @@ class Body:
     center_of_mass: Array
     inertia: Array
     size: Array
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", check_number("mass", self.mass, above=0.0, unit="kg"))
@@ -173,6 +176,22 @@ class Robot:
             if wrong.any():
                 leg, joint = np.argwhere(wrong)[0]
                 raise InvalidInputError(text.format(f"leg {leg + 1}, joint {joint + 1}"))
+
+    def __repr__(self) -> str:
+        return f"Robot({self.name!r}, {self.num_legs} legs, {self.mass:.4g} kg)"
+
+    def _repr_html_(self) -> str:
+        """Return a table of masses, sizes, joint limits and servo, for a notebook."""
+        rows = [("legs", ", ".join(leg.name for leg in self.legs), "")]
+        for name, body in {"torso": self.torso, **self.segments, "foot": self.foot}.items():
+            rows.append((f"{name}: mass", f"{body.mass:.4g}", "kg"))
+            rows.append((f"{name}: box", " x ".join(f"{edge:.4g}" for edge in body.size), "m"))
+        for joint, low, high in zip(self.table.joints, self.q_min.T, self.q_max.T, strict=True):
+            rows.append((f"{joint}: limits", f"{spread(low)} ... {spread(high)}", "rad"))
+        rows.append(("servo: torque, at most", f"{self.servo.max_torque:g}", "N m"))
+        if self.servo.max_speed is not None:
+            rows.append(("servo: speed, at most", f"{self.servo.max_speed:g}", "rad/s"))
+        return html_table(repr(self), ("", "value", "unit"), rows)
 
     def __reduce__(self) -> tuple:
         """Pickle with plain dicts, because read-only mappings cannot be pickled."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from hexakin.checks import Array, check_array, check_number, check_poses, checked, read_only
 from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 from hexakin.stability.polygon import margin, support_polygon
@@ -58,6 +59,8 @@ class Contacts:
     mass: float
     torque_rows: Array | None = None
     torque_bounds: Array | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         points = check_array("Contacts: points", self.points, (3,), ("coordinate",))
@@ -199,6 +202,9 @@ class EnergyMargin(NamedTuple):
     per_edge: Array
     edges: NDArray[np.int_]
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 @checked
 def energy_margin(contacts: Contacts) -> EnergyMargin:
@@ -239,6 +245,9 @@ class PlaneZMP(NamedTuple):
 
     point: Array
     defined: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def zmp_on_plane(

@@ -30,6 +30,7 @@ from scipy.sparse import block_diag
 
 from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.model import GRAVITY
 from hexakin.stability.friction_pyramid import contact_frames, pyramid_edges
 from hexakin.stability.polygon import margin, support_polygon
@@ -62,6 +63,9 @@ class Support(NamedTuple):
     point: Array
     defined: NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        return short_repr(self)
+
 
 @checked
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,8 @@ class SupportRegion:
 
     vertices: Array
     cut: bool
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", read_only(self.vertices))

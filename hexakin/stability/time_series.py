@@ -12,6 +12,7 @@ from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
+from hexakin.numerics.display import short_repr
 from hexakin.stability.polygon import centroid_distance_and_margin, margins_in, support_polygon
 
 
@@ -20,6 +21,9 @@ class ZMP(NamedTuple):
 
     xy: Array
     defined: NDArray[np.bool_]
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
@@ -94,6 +98,8 @@ class StabilitySeries:
     margin: Array
     defined: NDArray[np.bool_]
     body_touches: NDArray[np.bool_]
+
+    __repr__ = short_repr
 
 
 @checked

@@ -90,6 +90,9 @@ class Study:
     def __len__(self) -> int:
         return len(self.runs)
 
+    def __repr__(self) -> str:
+        return f"Study({self.name!r}, {len(self)} runs of {self.trial.__module__}.{self.trial.__qualname__})"
+
 
 @checked
 def grid(**levels: Iterable[Scalar] | Scalar) -> list[dict[str, Scalar]]:

@@ -19,6 +19,7 @@ import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
 from hexakin.exceptions import NoClosedFormError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import LegTable
 from hexakin.symbolic.leg import LegKinematics, derive
 from hexakin.symbolic.numpy_code import array_code
@@ -277,6 +278,8 @@ class Sources:
 
     numeric: str
     loops: str
+
+    __repr__ = short_repr
 
 
 def generate(table: LegTable) -> Sources:

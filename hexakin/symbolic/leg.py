@@ -18,6 +18,7 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from hexakin.checks import check_number, check_whole, checked
 from hexakin.exceptions import InvalidInputError, NoClosedFormError, UnknownNameError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable, pi_multiple
 
 
@@ -44,6 +45,8 @@ class InverseExpressions:
     distance: sp.Expr
     reach: tuple[sp.Expr, sp.Expr]
 
+    __repr__ = short_repr
+
 
 @checked
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class LegKinematics:
     """Symbolic kinematics of one leg type; every property is derived from ``table`` alone."""
 
     table: LegTable
+
+    __repr__ = short_repr
 
     @checked
     def symbol(self, name: str) -> sp.Symbol:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
+from hexakin.numerics.display import short_repr
 from hexakin.symbolic.program import Statement, angle
 
 ANGLE_ROWS = 3
@@ -114,6 +115,8 @@ class ArrayCode:
     lines: list[str]
     rows: int
     values: list[str]
+
+    __repr__ = short_repr
 
 
 def array_code(

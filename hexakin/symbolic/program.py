@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
+from hexakin.numerics.display import short_repr
 from hexakin.symbolic.leg import LegKinematics
 
 Statement = tuple[sp.Symbol, sp.Expr]
@@ -24,6 +25,8 @@ class Program:
     prefix: str
     constants: dict[sp.Expr, sp.Symbol] = field(default_factory=dict)
     body: list[Statement] = field(default_factory=list)
+
+    __repr__ = short_repr
 
     def constant(self, expression: sp.Expr) -> sp.Expr:
         """Return the symbol of an expression of the leg's own parameters."""

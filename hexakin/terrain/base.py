@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, checked, read_only
 from hexakin.exceptions import InvalidInputError
+from hexakin.numerics.display import short_repr
 
 FARTHEST = 1e9
 """Largest coordinate [m] of a terrain or a point; assumed: a hundred times those of maps, and rounded to 0.1 um."""
@@ -66,6 +67,8 @@ class TriangleMesh:
 
     vertices: Array
     triangles: NDArray[np.int_]
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         vertices = read_only(check_positions("TriangleMesh: vertices", self.vertices, (3,)))

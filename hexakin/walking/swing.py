@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, checked
+from hexakin.numerics.display import short_repr
 
 
 def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
@@ -63,6 +64,9 @@ class StepGeometry(NamedTuple):
     slope: Array
     length: Array
     radius: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def step_geometry(start: ArrayLike, end: ArrayLike) -> StepGeometry:
