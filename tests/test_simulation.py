@@ -188,3 +188,29 @@ def test_a_walk_is_kept_where_a_version_cannot_be_read(athena, monkeypatch, erro
     monkeypatch.setattr(metadata, "version", unreadable)
     walk = hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), duration=0.1, settling_time=0.1)
     assert set(walk.parameters["versions"]) == {"python", "hexakin"}
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "rigid"])
+def test_progress_is_shown_on_stderr_and_changes_nothing(athena, capfd, engine):
+    def walk(**options):
+        controller = hk.PostureController(athena)
+        return hk.simulate(athena, hk.terrain.Plane(), controller, engine=engine, time_step=0.005, **options)
+
+    silent = walk(duration=0.5)  # the first walk may say that it compiles
+    capfd.readouterr()
+    assert np.array_equal(walk(duration=0.5).q, silent.q) and capfd.readouterr() == ("", "")
+    shown = walk(duration=0.5, progress=True)
+    out, err = capfd.readouterr()
+    assert out == "" and err.startswith("\rathena:   0%") and "10/10" in err and err.endswith("\n")
+    assert repr(silent.parameters) == repr(shown.parameters)
+    for name, values in silent.columns.items():
+        assert np.array_equal(values, shown.columns[name], equal_nan=True), name
+
+
+def test_progress_ends_with_a_walk_that_fails(athena, monkeypatch, capfd):
+    monkeypatch.setitem(hk.engines.ENGINES, "overturned", (__name__, "Overturned"))
+    with pytest.raises(SimulationError, match="no ground below the torso"):
+        hk.simulate(
+            athena, hk.terrain.Plane(), hk.PostureController(athena), engine="overturned", duration=9.0, progress=True
+        )
+    assert capfd.readouterr().err.splitlines()[-1].startswith("athena:   0%|")

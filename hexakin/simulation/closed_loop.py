@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from tqdm import tqdm
 
 from hexakin.checks import Array, check_array, check_number, check_whole, checked
 from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller
@@ -41,6 +42,7 @@ def simulate(
     q_start: ArrayLike | None = None,
     settling_time: float = 1.0,
     force_sampling: Literal["mean", "last"] = "mean",
+    progress: bool = False,
     **engine_options: Any,
 ) -> Recording:
     """Simulate a walk of a robot under a controller, and return its recording.
@@ -88,6 +90,8 @@ def simulate(
     force_sampling
         Which foot forces the controller receives: the ``"mean"`` over the previous tick, or the forces in the
         ``"last"`` time step of that tick, which vary more because contacts open and close quickly.
+    progress
+        Whether to show progress and remaining time on stderr.
     **engine_options
         Options of the class of the engine.
     """
@@ -123,7 +127,10 @@ def simulate(
         reading = simulator.advance(q, steps_per_tick)
         last = force_sampling == "last"
         end = np.inf if max_cycles is None else max_cycles * controller.phases_per_cycle
-        rows = _walk(simulator, terrain, controller, reading, control_rate, num_ticks, end, steps_per_tick, last)
+        with tqdm(desc=robot.name, total=num_ticks, unit="tick", disable=not progress) as bar:
+            rows = _walk(
+                simulator, terrain, controller, reading, control_rate, num_ticks, end, steps_per_tick, last, bar
+            )
     parameters = {
         "robot": robot.description(),
         "terrain": repr(terrain),
@@ -203,6 +210,7 @@ def _walk(
     end_phase: float,
     steps_per_tick: int,
     last_force: bool,
+    bar: tqdm,
 ) -> list[tuple[Reading, Command, float]]:
     rows: list[tuple[Reading, Command, float]] = []
     run = None
@@ -225,6 +233,7 @@ def _walk(
             break
         rows.append((reading, command, height))
         reading = simulator.advance(command.q, steps_per_tick, _torque_law(command))
+        bar.update()
     return rows
 
 
