@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hexakin.exceptions import HexakinError, MissingPackageError, StudyError, UnknownNameError
+from hexakin.exceptions import HexakinError, MissingPackageError, StudyError, UnknownNameError, exit_code
 from hexakin.installation import __version__
 
 if TYPE_CHECKING:
@@ -27,6 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ``arguments`` are the words of the command line; None takes those of the running program. The exit code is 0, 1
     after an error, 2 for wrong arguments, or 130 after an interrupt.
     """
+    return exit_code(lambda: _run(arguments))
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     program = "hexakin" if Path(sys.argv[0]).stem == "hexakin" else "python -m hexakin"
     parser = argparse.ArgumentParser(prog=program, description=__doc__)
     parser.add_argument("--version", action="version", version=f"hexakin {__version__}")
@@ -52,15 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     robot.add_argument("--schema", action="store_true", help="print every field of a robot file, and an example")
     commands.add_parser("statements", help="print paper A's statements beside our findings, as in the README")
     options = parser.parse_args(arguments)
-    try:
-        return {"study": _study, "robot": _robot, "statements": _statements}[options.command](options)
-    except HexakinError as error:
-        print(f"hexakin: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        message = "interrupted; finished runs are kept; repeat the same call to continue"
-        print(f"\nhexakin: {message}", file=sys.stderr)
-        return 130
+    return {"study": _study, "robot": _robot, "statements": _statements}[options.command](options)
 
 
 _STUDY = """Make the runs of a study that are missing in the folder, on all cores. A study can be interrupted and
@@ -71,6 +67,7 @@ continued at any time. NAME is one of paper A's studies, "all" for all of them, 
 def _study(options: argparse.Namespace) -> int:
     from hexakin import study
     from hexakin.papers import studies
+    from hexakin.study.journal import KEPT
 
     if not options.names:
         for name, make in studies.STUDIES.items():
@@ -84,9 +81,12 @@ def _study(options: argparse.Namespace) -> int:
         if name not in studies.STUDIES and ":" not in name:
             raise UnknownNameError("study", name, [*studies.STUDIES, "all", "MODULE:STUDY"])
     for chosen in [studies.STUDIES[name]() if name in studies.STUDIES else _imported(name) for name in names]:
-        table = study.run(
-            chosen, options.folder, jobs=options.jobs, progress=not options.quiet, restart=options.restart
-        )
+        try:
+            table = study.run(
+                chosen, options.folder, jobs=options.jobs, progress=not options.quiet, restart=options.restart
+            )
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(KEPT) from error
         failed = int((table["status"] != "ok").sum())
         print(f"{chosen.name}: {len(table)} runs, {failed} failed: {options.folder}/{chosen.name}.csv")
     return 0

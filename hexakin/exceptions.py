@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
+import os
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -202,3 +207,43 @@ def renamed(module: str, new_names: Mapping[str, tuple[str, Any]]) -> Callable[[
         return value
 
     return old_name
+
+
+def exit_code(command: Callable[[], int | None]) -> int:
+    """Run ``command``, a program of the command line, and return its exit code; None counts as 0.
+
+    What stops it is said in one line on stderr: an error of hexakin or of the operating system (exit code 1), such as a
+    closed pipe or a full disk, or an interrupt (130). Characters that a stream cannot encode are written as escapes.
+    """
+    if sys.stderr is None:  # closed by the caller
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        if sys.stdout is None:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        try:
+            return command() or 0
+        finally:
+            sys.stdout.flush()  # here, because an error at the interpreter's exit has a traceback
+    except HexakinError as error:
+        code, message = 1, f"hexakin: {error}"
+    except OSError as error:
+        code, message = 1, f"hexakin: {error.filename or 'standard output'}: {error.strerror or error}"
+        _give_up(sys.stdout)
+    except KeyboardInterrupt as error:
+        code, message = 130, "; ".join(["\nhexakin: interrupted", *map(str, error.args)])
+    try:
+        print(message, file=sys.stderr, flush=True)
+    except OSError:
+        _give_up(sys.stderr)
+    return code
+
+
+def _give_up(stream: Any) -> None:
+    """Drop what ``stream`` could not write, so that the interpreter does not try again at its exit."""
+    with contextlib.suppress(AttributeError, OSError):  # closed, or a stream without a file
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -229,3 +229,69 @@ def test_a_full_disk_stops_a_study_which_goes_on_when_there_is_room(here):
     assert main(["study", "mine:study", "--jobs", "1", "--quiet"]) == 0
     assert called(here) == sorted(set(range(30)) - finished)
     assert json.loads((here / "results" / "mine.json").read_text())["runs"] == 30
+
+
+PRINTING = {
+    "version": ["-m", "hexakin", "--version"],
+    "help": ["-m", "hexakin", "study", "--help"],
+    "studies": ["-m", "hexakin", "study"],
+    "study": ["-m", "hexakin", "study", "mine:study", "--jobs", "1", "--quiet"],
+    "robots": ["-m", "hexakin", "robot"],
+    "robot": ["-m", "hexakin", "robot", "athena"],
+    "schema": ["-m", "hexakin", "robot", "--schema"],
+    "statements": ["-m", "hexakin", "statements"],
+    "report": ["-m", "hexakin.report", "notebooks", "report", "--stored"],
+}
+"""Commands that print, each with the words after the interpreter."""
+
+
+@pytest.fixture
+def printing(here):
+    """A folder in which all of ``PRINTING`` can be called."""
+    nbformat = pytest.importorskip("nbformat")
+    (here / "notebooks").mkdir()
+    cells = [nbformat.v4.new_markdown_cell("# Gains k_α"), nbformat.v4.new_code_cell("1")]
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), here / "notebooks" / "α.ipynb")
+    return here
+
+
+def called_with(command, stdout=subprocess.PIPE, **environment):
+    """Run one of ``PRINTING``; ``stdout`` is a file, or None for none at all. Returns the exit code, stdout, stderr."""
+    call = [sys.executable, *PRINTING[command]]
+    if stdout is None:
+        call = ["sh", "-c", '"$@" >&-', "sh", *call]
+    # Without a buffer, argparse itself writes the version, and ignores what goes wrong.
+    environment = {**os.environ, "PYTHONUNBUFFERED": "", **environment}
+    done = subprocess.run(call, stdout=stdout, stderr=subprocess.PIPE, env=environment)
+    return done.returncode, done.stdout, done.stderr.decode()
+
+
+@pytest.mark.parametrize("command", PRINTING)
+def test_characters_that_a_stream_does_not_have_are_written_as_escapes(printing, command):
+    encoding = "cp1252" if command == "statements" else "ascii"
+    code, out, err = called_with(command, PYTHONIOENCODING=encoding)
+    assert code == 0 and err == "" and out.decode(encoding)
+    assert b"\\u03b1" in out or command not in ("statements", "report")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes a stream by a shell")
+@pytest.mark.parametrize("command", ["version", "study", "statements", "report"])
+def test_what_cannot_be_printed_is_said_in_one_line(printing, command):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "wb") as pipe:
+        said = called_with(command, pipe)
+    assert said == (1, None, "hexakin: standard output: Broken pipe\n")
+    if os.path.exists("/dev/full"):
+        with open("/dev/full", "wb") as full:
+            said = called_with(command, full)
+        assert said == (1, None, "hexakin: standard output: No space left on device\n")
+    assert called_with(command, None) == (1, None, "hexakin: standard output: Bad file descriptor\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes a stream by a shell")
+def test_errors_end_a_command_without_a_stream_to_say_them(here):
+    failing = [sys.executable, "-m", "hexakin", "robot", "nobody"]
+    for redirected in ("2>&-", "2>/dev/full", ">&- 2>&-"):
+        done = subprocess.run(["sh", "-c", f'"$@" {redirected}', "sh", *failing], capture_output=True)
+        assert (done.returncode, done.stdout, done.stderr) == (1, b"", b""), redirected

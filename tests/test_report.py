@@ -10,7 +10,6 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from hexakin.exceptions import InvalidInputError
 from hexakin.papers.results import statements_table
 from hexakin.report.__main__ import main
 from hexakin.report.figure_table import checks_passed, count_verdicts, figure_table, find_pictures, judged_statements
@@ -113,7 +112,7 @@ def test_an_interrupted_report_keeps_what_is_done_and_says_what_is_not(tmp_path)
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=300)
-    assert process.returncode == 130 and "Interrupted" in said and "Traceback" not in said
+    assert process.returncode == 130 and "interrupted; the finished" in said and "Traceback" not in said
     assert sorted(path.name for path in report.iterdir()) == ["a_works.html", "index.html", "pictures"]
     index = (report / "index.html").read_text(encoding="utf-8")
     assert "1 of 3 notebooks ran to the end" in index and "; 2 not run." in index
@@ -130,9 +129,9 @@ def test_stored_outputs_are_shown_without_a_run(tmp_path):
     assert not (tmp_path / "reached").exists()
 
 
-def test_a_folder_without_notebooks_is_named(tmp_path):
-    with pytest.raises(InvalidInputError, match="this folder has no notebooks"):
-        main([str(tmp_path), str(tmp_path / "report")])
+def test_a_folder_without_notebooks_is_named(tmp_path, capsys):
+    assert main([str(tmp_path), str(tmp_path / "report")]) == 1
+    assert capsys.readouterr() == ("", f"hexakin: {tmp_path}: this folder has no notebooks\n")
 
 
 def test_a_reference_beside_the_report_is_linked(tmp_path):

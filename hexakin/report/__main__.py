@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.checks.files import read_bytes
-from hexakin.exceptions import FileError, HexakinError, InvalidInputError, MissingPackageError
+from hexakin.exceptions import FileError, InvalidInputError, MissingPackageError, exit_code
 from hexakin.report import INSTALL
 from hexakin.report.figure_table import Figure, checks_passed, figure_table, find_pictures, judged_statements
 from hexakin.report.index import write_index
@@ -94,10 +94,13 @@ def missing_figures(figures: list[Figure], pages: list[Page]) -> list[str]:
 def main(arguments: list[str] | None = None) -> int:
     """Run all notebooks of a folder and return the exit code.
 
-    It is 1 if a notebook failed or a figure has no picture, 130 after an interruption, otherwise 0. ``arguments`` are
-    those of the command line, None for the program's own. Raises InvalidInputError if the folder has no notebooks, and
-    FileError if a notebook cannot be read or the report cannot be written.
+    It is 1 after an error, if a notebook failed or if a figure has no picture, 130 after an interruption, otherwise 0.
+    ``arguments`` are those of the command line, None for the program's own.
     """
+    return exit_code(lambda: _run(arguments))
+
+
+def _run(arguments: list[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="python -m hexakin.report", description=__doc__)
     parser.add_argument("notebooks", type=Path)
     parser.add_argument("report", type=Path)
@@ -122,9 +125,8 @@ def main(arguments: list[str] | None = None) -> int:
             took = "" if page.seconds is None else f"{page.seconds:.0f} s"
             said = f"FAILED: {page.error}" if page.error else "" if took else page.result
             print("  ".join(filter(None, (took, said))), flush=True)
-    except KeyboardInterrupt:
-        print(f"\nInterrupted; the finished notebooks are in {options.report}/index.html", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(f"the finished notebooks are in {options.report}/index.html") from error
     index = write_index(pages, figures, statements, options.report)
     failed = [page.stem for page in pages if page.error]
     missing = missing_figures(figures, pages)
@@ -135,7 +137,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except HexakinError as error:
-        sys.exit(f"error: {error}")
+    sys.exit(main())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+
+from hexakin.exceptions import exit_code
 from hexakin.installation import DATA, PACKAGE
 from hexakin.robot.file import load_robot
 from hexakin.symbolic.generate import generate
@@ -32,4 +35,4 @@ def write_generated_files() -> None:
 
 
 if __name__ == "__main__":
-    write_generated_files()
+    sys.exit(exit_code(write_generated_files))
