@@ -4,6 +4,8 @@ The unit tests compare 2000 poses with mpmath; ``tests/benchmarks/kinematics.py`
 """
 
 import copy
+import hashlib
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -427,7 +429,7 @@ TABLE = LegTable(
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("HEXAKIN_CACHE", str(tmp_path / "cache"))
     leg_functions.cache_clear()
-    yield tmp_path / "cache"
+    yield tmp_path / "cache" / "leg_types"
     leg_functions.cache_clear()
 
 
@@ -460,6 +462,19 @@ def test_a_file_that_was_cut_off_is_derived_again(cache):
         path.write_text(path.read_text()[:-200])
     leg_functions.cache_clear()
     assert np.array_equal(one_foot(), foot)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="only POSIX systems tell who may write to a folder")
+def test_code_in_a_folder_that_others_may_write_to_is_not_run(cache, capsys):
+    foot = one_foot()
+    for path in cache.glob("leg_*.py"):
+        text = "raise SystemExit\n"
+        path.write_text(f"# sha256 {hashlib.sha256(text.encode()).hexdigest()}\n{text}", encoding="utf-8")
+    cache.chmod(0o777)
+    for _ in range(2):
+        leg_functions.cache_clear()
+        assert np.array_equal(one_foot(), foot)
+    assert capsys.readouterr().err.count(f"other users may write to {cache} (chmod go-w forbids it)") == 1
 
 
 def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
@@ -516,7 +531,7 @@ def test_a_leg_type_of_ones_own_has_compiled_loops(cache, edited, rng, monkeypat
     assert np.abs(foot - plain_forward(raised, q.astype(np.longdouble))).max() < 1e-15
     every = hk.inverse_kinematics(raised, foot, branch="all")
     assert every.q.shape == (500, 6, *BRANCH_SIGNS.shape[:1], 3) and every.reachable.any(axis=-1).all()
-    assert list(cache.glob("__pycache__/*.nbc")), "the machine code lies beside its source"
+    assert list(cache.glob("__pycache__/machine_code/*.nbc")), "the machine code lies beside its source"
 
 
 def test_threads_do_not_meet_in_their_workspaces(code, athena, rng):

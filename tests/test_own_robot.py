@@ -1,6 +1,9 @@
 """A robot of one's own, of four, six and eight legs, goes through every room."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +114,49 @@ def test_four_legs_are_stable_on_their_way_with_a_longer_stance():
     balance = check(robot, plan, PLANE).constraints["balance"].slack
     last = plan.time > plan.time[-1] - controller.cycle_duration
     assert balance[last].min() > 0.001 > balance[~last].min()
+
+
+COMPILED = """
+import json, sys
+import numpy as np
+import hexakin as hk
+from hexakin.kinematics.leg_functions import leg_functions
+from numba.core import event
+
+robot = hk.load_robot(sys.argv[1])
+with event.install_recorder("numba:compile") as compilations:
+    assert hk.kinematics.prepare(robot)
+    q = np.tile(robot.standing_q, (20, 1, 1))
+    found = hk.inverse_kinematics(robot, hk.forward_kinematics(robot, q))
+    hk.jacobian(robot, q)
+loops = leg_functions(robot.table).loops
+hits = {name: sum(getattr(loops, name).stats.cache_hits.values()) for name in ("forward", "jacobian", "inverse")}
+print(json.dumps({"compilations": len(compilations.buffer), "hits": hits, "q": found.q.tolist()}))
+"""
+
+
+def test_the_compiled_code_of_ones_own_leg_type_is_loaded_by_the_next_process(tmp_path):
+    """The second joint is displaced along the first axis: no shipped robot has such legs."""
+    pytest.importorskip("numba")
+    tree = json.loads(json.dumps(TREE))
+    tree["leg_table"]["rows"][1]["d"] = "h"
+    tree["leg_table"]["parameters"]["h_mm"] = 10
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(tree), encoding="utf-8")
+
+    def used():
+        done = subprocess.run(
+            [sys.executable, "-c", COMPILED, tmp_path / "mine.yaml"], capture_output=True, text=True,
+            env={**os.environ, "HEXAKIN_CACHE": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout), done.stderr
+
+    first, said = used()
+    assert first["compilations"] > 0 and set(first["hits"].values()) == {0}
+    assert said.startswith("hexakin: compiling the kinematics of large batches")
+    second, said = used()
+    assert second == {"compilations": 0, "hits": {"forward": 1, "jacobian": 1, "inverse": 1}, "q": first["q"]}
+    assert said == ""
 
 
 def test_a_pace_has_a_report_too():

@@ -2,8 +2,8 @@
 
 The name of a file depends on the leg type and on the generator's sources, so that the file of an older generator is
 never read. A file begins with a checksum of the rest; one that is damaged counts as missing. Files are written under
-another name and renamed, so that several processes may write at once. Where nothing can be written, each process
-derives the code.
+another name and renamed, so that several processes may write at once. Where nothing can be written, or others may write
+(``hexakin.numerics.cache_folders``), each process derives the code.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 
 from hexakin import installation
+from hexakin.numerics.cache_folders import usable, user_folder
 from hexakin.robot.leg_table import LegTable
 
 PARTS = ("numeric", "loops")
@@ -25,30 +26,18 @@ _MADE_BY = ("hexakin.symbolic.generate", "hexakin.generated")
 """The generator, and code that it wrote, which imports the modules that the code of every leg type runs with."""
 
 
-def directory() -> Path:
-    """Return the directory of the code: ``HEXAKIN_CACHE`` of the environment, or the platform's place for caches."""
-    chosen = os.environ.get("HEXAKIN_CACHE")
-    if chosen:
-        return Path(chosen)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", "~/AppData/Local"))
-    elif sys.platform == "darwin":
-        base = Path("~/Library/Caches")
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    return base.expanduser() / "hexakin" / "leg_types"
-
-
 def code_files(table: LegTable) -> dict[str, Path]:
     """Return the files ``numeric`` and ``loops`` of the leg type of ``table``; write them if they are not there.
 
-    Raises OSError if they cannot be written.
+    Raises OSError if they cannot be written, or if other users could have written them.
     """
+    folder = user_folder("leg_types")
+    if not usable(folder):
+        raise OSError(f"{folder}: no folder for code")
     stem = hashlib.sha256(f"{_generator()}\n{table.type_key}".encode()).hexdigest()[:24]
-    paths = {part: directory() / f"leg_{stem}_{part}.py" for part in PARTS}
+    paths = {part: folder / f"leg_{stem}_{part}.py" for part in PARTS}
     if any(_checked(path) is None for path in paths.values()):
         sources = derived(table)
-        paths["numeric"].parent.mkdir(parents=True, exist_ok=True)
         for part, path in paths.items():
             _write(path, sources[part])
     return paths
@@ -80,9 +69,13 @@ def executed(text: str, filename: str, name: str) -> ModuleType:
     """
     module = ModuleType(f"hexakin.generated.{name}")
     module.__file__ = filename
-    exec(compile(text, filename, "exec"), module.__dict__)
-    # numba looks for the module of a function by its name.
+    # numba looks for the module of a function by its name, when it compiles the function and when it loads its code.
     sys.modules[module.__name__] = module
+    try:
+        exec(compile(text, filename, "exec"), module.__dict__)
+    except BaseException:
+        del sys.modules[module.__name__]
+        raise
     return module
 
 

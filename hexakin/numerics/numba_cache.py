@@ -3,11 +3,14 @@
 This is the only module that imports numba. The compiled code is the inner loops of contact time stepping, where a
 Python loop would take longer than the calculations in it, and of kinematics in large batches.
 
-The machine code is stored beside the source, or in the user's cache folder if the first folder cannot be written. If
-neither can be written, each process compiles again. Files are written under another name and then renamed, so that two
-processes may compile at the same time. A damaged file is treated as missing.
+The machine code is stored in the first of these folders that can be written and is trusted
+(``hexakin.numerics.cache_folders``): the one that ``NUMBA_CACHE_DIR`` names, ``__pycache__/machine_code`` beside the
+source, and the user's cache. If there is none, each process compiles again. Files are written under another name and
+then renamed, so that two processes may compile at the same time. A damaged file is treated as missing.
 """
-# numba compares a cached function only with its own source file; source_stamp also has the modules that it imports.
+# numba's cache compares a function with its own source file only, and trusts every file that it finds. The classes here
+# are built on classes of numba.core.caching that are not part of numba's documented interface; pyproject.toml therefore
+# bounds numba's version, and tests/test_numba_cache.py tests what is used of them.
 
 from __future__ import annotations
 
@@ -15,7 +18,6 @@ import contextlib
 import hashlib
 import pickle
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -26,17 +28,19 @@ from numpy.typing import NDArray
 
 from hexakin import installation
 from hexakin.exceptions import MissingPackageError
+from hexakin.numerics.cache_folders import tell_once, usable, user_folder
 
 try:
     import numba
-    from numba.core.caching import FunctionCache, IndexDataCacheFile
+    from numba.core import event
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+    from numba.core.serialize import dumps
 except ImportError as error:
     raise MissingPackageError("numba", "contact mechanics", "pip install numba") from error
 
 Whole = NDArray[np.int64]
+_config: Any = numba.config
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-_CHECKSUM_SIZE = hashlib.sha256().digest_size
-_PATIENCE = 1.0  # [s] loading from the cache takes less than this
 
 
 @cache
@@ -48,31 +52,63 @@ def source_stamp(module: str) -> str | None:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-class _CheckedFiles(IndexDataCacheFile):
-    """Machine code with a checksum in front, because damaged machine code could crash the process."""
+class _Place:
+    """The folder of a function's machine code, and the stamp of its sources: what numba calls a cache locator."""
 
-    def _save_data(self, name: str, data: Any) -> None:
-        content = self._dump(data)
-        with self._open_for_write(self._data_path(name)) as file:
-            file.write(hashlib.sha256(content).digest() + content)
+    def __init__(self, function: Callable[..., Any], file: str, folder: Path):
+        self._py_file = file
+        self._folder, self._line = folder, function.__code__.co_firstlineno
+        # Machine code with another stamp is not used: it was made of other sources.
+        self._stamp = source_stamp(function.__module__) or hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
-    def _load_data(self, name: str) -> Any:
-        stored = Path(self._data_path(name)).read_bytes()
-        checksum, content = stored[:_CHECKSUM_SIZE], stored[_CHECKSUM_SIZE:]
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> _Place | None:
+        """Return the first place that may be used, None if there is none."""
+        source = Path(file).absolute()
+        name = f"{source.parent.name}_{hashlib.sha256(bytes(source.parent)).hexdigest()[:16]}"
+        with contextlib.suppress(OSError):
+            if _config.CACHE_DIR and usable(chosen := Path(_config.CACHE_DIR).absolute() / name):
+                return cls(function, file, chosen)
+            beside = source.parent / "__pycache__" / "machine_code"
+            if source.parent.is_dir() and usable(beside, tell=False):  # else there is still the user's cache
+                return cls(function, file, beside)
+            if usable(last := user_folder("machine_code") / name):
+                return cls(function, file, last)
+        return None
+
+    def ensure_cache_path(self) -> None:
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _Checked(CompileResultCacheImpl):
+    """Machine code with a checksum, because damaged machine code could crash the process."""
+
+    _locator_classes: Any = (_Place,)
+
+    def reduce(self, compiled: Any) -> tuple[bytes, bytes]:
+        content = dumps(super().reduce(compiled))
+        return hashlib.sha256(content).digest(), content
+
+    def rebuild(self, target_context: Any, stored: tuple[bytes, bytes]) -> Any:
+        checksum, content = stored
         if hashlib.sha256(content).digest() != checksum:
-            raise ValueError(f"{self._data_path(name)} is damaged")
-        return pickle.loads(content)  # safe: the checksum shows that this class wrote it
+            raise ValueError("the machine code is damaged")
+        return super().rebuild(target_context, pickle.loads(content))
 
 
 class _Cache(FunctionCache):
-    """numba's cache on disk; a damaged file is deleted and compiled again, and a full disk is ignored."""
+    """numba's cache on disk; a damaged file is deleted and compiled again, and a full disk is no error."""
 
-    def __init__(self, function: Callable[..., Any]):
-        super().__init__(function)
-        files = self._cache_file
-        # Machine code with another stamp is not used: it was made of other sources.
-        stamp = source_stamp(function.__module__) or files._source_stamp
-        self._cache_file = _CheckedFiles(files._cache_path, self._impl.filename_base, stamp)
+    _impl_class = _Checked
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -83,8 +119,10 @@ class _Cache(FunctionCache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        with contextlib.suppress(OSError):
+        try:
             super().save_overload(sig, data)
+        except OSError as error:
+            tell_once(f"the machine code cannot be kept in {self.cache_path}: {error.strerror}")
 
 
 def compiled(function: _Function) -> _Function:
@@ -127,17 +165,27 @@ def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]
     return decorated
 
 
+class _Announcement(event.Listener):
+    """Says on stderr that ``what`` is being compiled, when numba begins to compile."""
+
+    def __init__(self, what: str):
+        self._what, self._said = what, False
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"]
+        if self._said or not function.__module__.startswith("hexakin."):
+            return
+        self._said = True
+        folder = function.stats.cache_path
+        kept = f"once; it is kept in {folder}" if folder else "in each process, since no folder for it can be used"
+        print(f"hexakin: compiling {self._what} (up to two minutes), {kept}", file=sys.stderr)
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
 @contextlib.contextmanager
 def announced(what: str) -> Iterator[None]:
-    """Print on stderr that ``what`` is being compiled, if the block takes longer than loading from the cache."""
-
-    def say() -> None:
-        print(f"hexakin: compiling {what}, once for this installation (up to two minutes) ...", file=sys.stderr)
-
-    timer = threading.Timer(_PATIENCE, say)
-    timer.daemon = True
-    timer.start()
-    try:
+    """Print on stderr that ``what`` is being compiled, if the block compiles it, and where the code is kept."""
+    with event.install_listener("numba:compile", _Announcement(what)):
         yield
-    finally:
-        timer.cancel()

@@ -1,0 +1,72 @@
+"""Folders for generated and compiled code: where they are, and whether the code in them may be run.
+
+Whoever can write to such a folder can run code as the user who reads it. A folder is therefore used only if nobody
+else can write to it. Folders are created so that only their owner can open them.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from functools import cache
+from pathlib import Path
+
+
+def user_folder(kind: str) -> Path:
+    """Return the user's folder for code of a ``kind``, as an absolute path; it need not exist.
+
+    It is in the folder that the environment variable ``HEXAKIN_CACHE`` names, or in the platform's place for caches.
+    Raises OSError if the platform has no such place, as for a user without a home directory.
+    """
+    if chosen := os.environ.get("HEXAKIN_CACHE"):
+        return Path(chosen).absolute() / kind
+    import platformdirs  # here, since most processes need no cache
+
+    base = platformdirs.user_cache_path("hexakin", appauthor=False)
+    if not base.is_absolute():  # a home directory that is not known stays "~"
+        raise OSError(f"no folder for caches: {base}")
+    return base / kind
+
+
+def usable(folder: Path, *, tell: bool = True) -> bool:
+    """Create ``folder`` if it is missing, and return whether code may be written to it and run from it.
+
+    With ``tell``, stderr says once why a folder is not trusted.
+    """
+    try:
+        folder.mkdir(mode=stat.S_IRWXU, parents=True, exist_ok=True)
+        reason = distrust(folder)
+    except OSError:
+        return False
+    if reason and tell:
+        tell_once(f"no code is stored in a cache folder or run from it: {reason}")
+    return not reason and os.access(folder, os.W_OK | os.X_OK)
+
+
+@cache
+def tell_once(message: str) -> None:
+    """Print ``message`` on stderr, unless this process has printed it before."""
+    print(f"hexakin: {message}", file=sys.stderr)
+
+
+def distrust(folder: Path) -> str:
+    """Return why code in ``folder`` is not trusted, as a sentence that names the folder at fault; empty if it is.
+
+    It is trusted if it belongs to this user or to the administrator, if no other user may write to it, and if nobody
+    may replace it: a folder above it to which all may write must be sticky, as /tmp is. Only POSIX systems tell who may
+    write. Raises OSError if a folder cannot be examined.
+    """
+    if os.name != "posix":
+        return ""
+    real = folder.resolve()
+    status = real.stat()
+    if status.st_uid not in (0, os.geteuid()):
+        return f"{real} belongs to another user"
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"other users may write to {real} (chmod go-w forbids it)"
+    for parent in real.parents:
+        mode = parent.stat().st_mode
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            return f"all users may write to {parent}, and may replace what is in it"
+    return ""
