@@ -87,9 +87,11 @@ class MissingPackageError(HexakinError, ImportError):
     """
 
     def __init__(self, package: str, feature: str, install: str, instead: str = ""):
-        self.package = package
+        self.package = package.partition(".")[0]  # an ImportError may name a module of it
         missing = f"install it with: {install}" if install else f"there is none for {_python_and_platform()}"
-        super().__init__(f"{feature} needs the package {package!r}; {missing}" + (f"; or {instead}" if instead else ""))
+        super().__init__(
+            f"{feature} needs the package {self.package!r}; {missing}" + (f"; or {instead}" if instead else "")
+        )
 
 
 def _python_and_platform() -> str:
