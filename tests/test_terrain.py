@@ -262,8 +262,8 @@ def test_shapes_are_values_that_cannot_change():
 @pytest.mark.parametrize(
     "references, message",
     [
-        ({"reference_y": lambda: 0.0}, r"reference_y must be a function of \(s\)"),
-        ({"reference_z": lambda s: s}, r"reference_z must be a function of \(s, y\)"),
+        ({"reference_y": lambda: 0.0}, "LegCurves: reference_y: expected a function of s, got"),
+        ({"reference_z": lambda s: s}, "LegCurves: reference_z: expected a function of s, y, got"),
         ({"reference_y": 1.0}, "reference_y: expected a function, got 1.0"),
         ({"reference_y": lambda s: np.zeros(7)}, "reference_y must return numbers of its argument's shape"),
         ({"reference_y": lambda s: [[1], [1, 2]]}, "reference_y must return numbers of its argument's shape"),

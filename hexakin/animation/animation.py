@@ -122,7 +122,7 @@ class Animation:
         ending = target.suffix.lower()
         if ending not in (".html", ".gif", ".mp4"):
             raise UnknownNameError("format", ending, [".html", ".gif", ".mp4"])
-        check_number("frame_rate", frame_rate, above=0.0, at_most=50.0, unit="1/s")
+        check_number("frame_rate", frame_rate, at_least=0.1, at_most=50.0, unit="1/s")
         if not isinstance(size, tuple) or len(size) != 2:
             raise InvalidInputError(f"size: expected (width, height), got {size!r:.80}")
         for name, pixels in zip(("width", "height"), size, strict=True):

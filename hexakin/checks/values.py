@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import numbers
 import os
-from collections.abc import Iterable, Sized
+from collections.abc import Callable, Iterable, Sized
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -215,6 +216,24 @@ def check_same_length(**given: Sized) -> int:
     if len(set(lengths)) > 1:
         raise InvalidInputError(f"{', '.join(given)}: {', '.join(map(str, lengths))} values, expected equally many")
     return lengths[0]
+
+
+def check_function(name: str, function: Callable[..., Any], *arguments: str) -> None:
+    """Raise InvalidInputError unless ``function`` can be called with values for ``arguments``, in this order.
+
+    Nothing is known of the arguments of some functions that are written in C; they pass. ``name`` is the argument's
+    name in the message.
+    """
+    try:
+        inspect.signature(function).bind(*arguments)
+    except ValueError:
+        fits = not isinstance(function, type)
+    except TypeError:
+        fits = False
+    else:
+        fits = True
+    if not fits:
+        raise InvalidInputError(f"{name}: expected a function of {', '.join(arguments)}, got {shown(function)}")
 
 
 def check_columns(name: str, table: Any, columns: Iterable[str]) -> None:

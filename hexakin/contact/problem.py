@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.contact.impulses import solve_impact
-from hexakin.exceptions import ContactError, InvalidInputError, UnknownNameError, shown
+from hexakin.exceptions import ContactError, InvalidInputError, shown
 from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import announced
 
-LAWS = ("poisson", "newton")
 _MOST_FACETS = 256  # the cone then differs by 1e-4; more take long, and the exact cone is solved faster
 
 
@@ -166,8 +165,6 @@ def solve(
     Raises ContactError if the natural residual stays above ``tolerance``, UnknownNameError for an unknown ``law``, and
     InvalidInputError for a number outside its range.
     """
-    if law not in LAWS:
-        raise UnknownNameError("law", law, sorted(LAWS))
     sides = check_facets(facets)
     check_number("restitution", restitution, at_least=0.0, at_most=1.0)
     check_number("compliance", compliance, at_least=0.0)

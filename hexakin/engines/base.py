@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_poses, check_shape
 from hexakin.numerics.display import short_repr
+from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
 
@@ -127,3 +128,19 @@ class Engine(ABC):
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+def check_place(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:
+    """Return pose (4, 4) and joint angles (L, 3) [rad] of ``Engine.place`` as arrays; raise InvalidInputError."""
+    T = check_poses("T_world_body", check_shape("T_world_body", T_world_body, (4, 4)))
+    return T, check_angles("q", robot, q)
+
+
+def check_angles(name: str, robot: Robot, q: ArrayLike) -> Array:
+    """Return values (L, 3) of all joints as an array; raise InvalidInputError, which names the argument ``name``."""
+    return check_shape(name, q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
+
+
+def check_law(robot: Robot, law: TorqueLaw) -> TorqueLaw:
+    """Return the torque law with arrays (L, 3); raise InvalidInputError for other shapes and numbers."""
+    return TorqueLaw(*(check_angles(f"torque_law: {name}", robot, value) for name, value in law._asdict().items()))

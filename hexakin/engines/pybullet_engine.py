@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_poses, check_whole
-from hexakin.engines.base import Engine, Reading, TorqueLaw
-from hexakin.exceptions import MissingPackageError, SimulationError, UnknownNameError
+from hexakin.checks import Array, check_number, check_whole, checked
+from hexakin.engines.base import Engine, Reading, TorqueLaw, check_angles, check_law, check_place
+from hexakin.exceptions import MissingPackageError, SimulationError
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, Robot
 from hexakin.robot.urdf import to_urdf
@@ -65,6 +65,7 @@ except ImportError as error:
     ) from error
 
 
+@checked
 class PyBulletEngine(Engine):
     """A robot simulated with PyBullet.
 
@@ -94,8 +95,6 @@ class PyBulletEngine(Engine):
         solver_iterations: int = 500,
         friction_model: Literal["pyramid", "cone"] = "pyramid",
     ):
-        if friction_model not in ("pyramid", "cone"):
-            raise UnknownNameError("friction_model", friction_model, ["pyramid", "cone"])
         self._robot = robot
         self._time_step = check_number("time_step", time_step, above=0.0, unit="s")
         check_number("friction", friction, at_least=0.0)
@@ -193,14 +192,15 @@ class PyBulletEngine(Engine):
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
         """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
-        T = check_poses("T_world_body", T_world_body) @ self._T_body_inertial
-        angles = check_array("q", q, (self._robot.num_legs, NUM_JOINTS), ("leg", "joint"))
+        body, angles = check_place(self._robot, T_world_body, q)
+        T = body @ self._T_body_inertial
         center, quaternion = T[:3, 3], _quat_xyzw(T[:3, :3])
         pybullet.resetBasePositionAndOrientation(self._body, center, quaternion, physicsClientId=self._client)
         pybullet.resetBaseVelocity(self._body, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
         for joint, angle in zip(self._joints, angles.ravel(), strict=True):
             pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
 
+    @checked
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
         """Drive the joints for ``num_steps`` time steps, and return the state and sensor values after them.
 
@@ -210,15 +210,16 @@ class PyBulletEngine(Engine):
         SimulationError if the state is no longer finite.
         """
         robot = self._robot
-        target = check_array("q_command", q_command, (robot.num_legs, NUM_JOINTS), ("leg", "joint")).ravel()
+        target = check_angles("q_command", robot, q_command).ravel()
         check_whole("num_steps", num_steps, at_least=1)
         self._drive_servos(target, 0.0 if torque_law is not None else robot.servo.max_torque)
+        law = None if torque_law is None else check_law(robot, torque_law)
         torque = None
         foot, torso, limb, depth = np.zeros((num_steps, robot.num_legs)), 0.0, 0.0, 0.0
         rate_moment = np.zeros((3, 3))
         for step in range(num_steps):
-            if torque_law is not None:
-                torque = self._apply_torques(target, torque_law)
+            if law is not None:
+                torque = self._apply_torques(target, law)
             pybullet.stepSimulation(physicsClientId=self._client)
             rate = self._body_rate()
             rate_moment += rate[:, None] * rate

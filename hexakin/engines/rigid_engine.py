@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_whole
+from hexakin.checks import Array, check_whole, checked
 from hexakin.dynamics import build_model, configuration, pin
-from hexakin.engines.base import Engine, Reading, TorqueLaw
+from hexakin.engines.base import Engine, Reading, TorqueLaw, check_angles, check_law, check_place
 from hexakin.engines.moreau_stepper import MoreauStepper, Servos
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError
@@ -22,6 +22,7 @@ from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose
 
 
+@checked
 class RigidEngine(Engine):
     """A robot simulated with ``MoreauStepper``: feet are spheres, torso and limbs are boxes, as in the robot's URDF.
 
@@ -75,8 +76,9 @@ class RigidEngine(Engine):
 
     def place(self, T_world_body: ArrayLike, q: ArrayLike) -> None:
         """Set the pose ``T_world_body`` (4, 4) and the joint angles ``q`` (L, 3) [rad] of the robot, at rest."""
-        self._stepper.place(configuration(self._robot, T_world_body, q))
+        self._stepper.place(configuration(self._robot, *check_place(self._robot, T_world_body, q)))
 
+    @checked
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
         """Drive the joints for ``num_steps`` time steps, and return the state and sensor values after them.
 
@@ -87,9 +89,10 @@ class RigidEngine(Engine):
         """
         robot, stepper = self._robot, self._stepper
         shape = (robot.num_legs, NUM_JOINTS)
-        command = check_array("q_command", q_command, shape, ("leg", "joint"))
+        command = check_angles("q_command", robot, q_command)
         duration = check_whole("num_steps", num_steps, at_least=1) * stepper.time_step
-        sums = stepper.advance(num_steps, command, torque_law)
+        law = None if torque_law is None else check_law(robot, torque_law)
+        sums = stepper.advance(num_steps, command, law)
         q, v = stepper.q, stepper.v
         rotation = pin.Quaternion(q[3:7]).toRotationMatrix()
         force = sums.normal_impulse / duration

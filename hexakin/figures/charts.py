@@ -162,8 +162,7 @@ def draw_sweep(
 ) -> None:
     """Draw paper A's three panels over a gain: torso height [mm], pitch rate and roll rate [rad/s] per gait cycle.
 
-    One legend for all panels is put below the figure. Raises InvalidInputError under the same conditions as
-    ``draw_boxes``, and if a panel has no summaries, axes or title.
+    One legend for all panels is put below the figure.
 
     Parameters
     ----------
@@ -182,6 +181,11 @@ def draw_sweep(
         For each of the three measures the values (level, y) that the paper reports, in [m] and [rad/s].
     colours
         Colours by engine, as for ``draw_boxes``.
+
+    Raises
+    ------
+    InvalidInputError
+        Under the same conditions as ``draw_boxes``, and unless there are axes, a title and data for each panel.
     """
     reported = paper or {}
     panels = dict.fromkeys(_PANELS)

@@ -29,7 +29,7 @@ def draw_gait(ax: Axes, gait: Gait, names: Sequence[str], cycles: float = 2.0) -
     The time axis counts cycles. Raises InvalidInputError for another number of names or cycles.
     """
     check_same_length(names=names, legs=gait.offsets)
-    check_number("cycles", cycles, above=0.0, at_most=_MOST_CYCLES)
+    cycles = check_number("cycles", cycles, above=0.0, at_most=_MOST_CYCLES)
     for leg, (offset, name) in enumerate(zip(gait.offsets, names, strict=True)):
         lands = offset + 1.0 - gait.duty_factor
         starts = np.arange(np.floor(-lands) - 1.0, cycles + 1.0) + lands

@@ -192,7 +192,7 @@ def draw_wireframe(
     *,
     legs: Sequence[int] | None = None,
     torso: bool = True,
-    colour: Any = GREY,
+    colour: str | Sequence[float] = GREY,
     width: float = 1.2,
 ) -> None:
     """Draw the robot as lines: the torso's edges and, for each leg, the line through its joints to the foot.

@@ -24,8 +24,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_number, check_poses, check_shape, check_whole, checked
-from hexakin.exceptions import InvalidInputError, MissingPackageError, UnreachableError
+from hexakin.checks import Array, check_function, check_number, check_poses, check_shape, check_whole, checked
+from hexakin.exceptions import InvalidInputError, MissingPackageError, UnreachableError, shown
 from hexakin.figures.robot_3d import axes_3d, draw_robot, draw_terrain, draw_wireframe, set_equal_3d
 from hexakin.figures.style import MM
 from hexakin.kinematics.forward import forward_kinematics, standing_height
@@ -154,6 +154,7 @@ class Sliders:
     """
 
     def __init__(self, robot: Robot, ranges: Mapping[str, _Range], posture: Callable[[Array, Array], Posture]):
+        check_function("posture", posture, "values", "q_before")
         widgets = _ipywidgets()
         self._robot, self._ranges, self._posture = robot, ranges, posture
         self._figure = Figure(figsize=(5.6, 3.6), dpi=90)
@@ -190,6 +191,8 @@ class Sliders:
         """Draw the posture that the sliders are set to."""
         values = np.array([self._ranges[name].scale * slider.value for name, slider in self.sliders.items()])
         self.posture = self._posture(values, self._q_before)
+        if not isinstance(self.posture, Posture):
+            raise InvalidInputError(f"posture: expected a function that returns a Posture, got {shown(self.posture)}")
         self._q_before = self.posture.q
         self._picture.value = _picture(self._figure, self._robot, self.posture)
         colour = _FAULT if self.posture.faults else "inherit"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_number, check_shape, check_whole, checked
+from hexakin.checks import Array, check_function, check_number, check_shape, check_whole, checked
 from hexakin.control.ground_plane import slope_angles
 from hexakin.control.posture import PostureController
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError, renamed
@@ -45,6 +45,7 @@ class Scenario:
     apex: float
 
     def __post_init__(self) -> None:
+        check_function("terrain", self.terrain, "layout")
         check_number("apex", self.apex, above=0.0, unit="m")
 
 

@@ -72,6 +72,7 @@ class TriangleMesh:
 
     def __post_init__(self) -> None:
         vertices = read_only(check_positions("TriangleMesh: vertices", self.vertices, (3,)))
+        check_array("TriangleMesh: triangles", self.triangles, ())
         triangles = np.array(self.triangles)
         if vertices.ndim != 2 or triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise InvalidInputError(

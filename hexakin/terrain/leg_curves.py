@@ -3,29 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_whole, checked, read_only
+from hexakin.checks import Array, check_array, check_function, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError
 from hexakin.terrain.base import check_positions
 
 _MOST_LEGS = 100  # more than any robot file may have
-
-
-def _takes(function: Callable[..., object], count: int) -> bool:
-    """Return whether a function can be called with ``count`` arguments, as far as Python knows."""
-    try:
-        inspect.signature(function).bind(*range(count))
-    except TypeError:
-        return False
-    except ValueError:  # some compiled functions do not say what they take
-        pass
-    return True
 
 
 def _zero(*arguments: Array) -> Array:
@@ -68,12 +56,8 @@ class LegCurves:
     def __post_init__(self) -> None:
         if check_whole("LegCurves: num_legs", self.num_legs, at_least=1) > _MOST_LEGS:
             raise InvalidInputError(f"LegCurves: num_legs: {self.num_legs}, expected at most {_MOST_LEGS}")
-        for name, arguments in (("reference_y", "s"), ("reference_z", "s, y")):
-            function = getattr(self, name)
-            if not callable(function):
-                raise InvalidInputError(f"LegCurves: {name} must be a function, got {function!r:.80}")
-            if not _takes(function, len(arguments.split())):
-                raise InvalidInputError(f"LegCurves: {name} must be a function of ({arguments})")
+        check_function("LegCurves: reference_y", self.reference_y, "s")
+        check_function("LegCurves: reference_z", self.reference_z, "s", "y")
         k = np.ones((3, self.num_legs)) if self.k is None else self.k
         object.__setattr__(self, "k", read_only(check_array("LegCurves: k", k, (3, self.num_legs), ("row", "leg"))))
 
