@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses, checked
+from hexakin.checks import Array, check_poses, check_shape, checked
 from hexakin.exceptions import InvalidInputError, MissingPackageError
 from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
@@ -80,8 +80,8 @@ def configuration(robot: Robot, T_world_body: ArrayLike, q: ArrayLike) -> Array:
 
     ``T_world_body`` (4, 4) is the body's pose, ``q`` (L, 3) [rad] are the joint angles.
     """
-    T = check_poses("T_world_body", T_world_body)
-    angles = check_array("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
+    T = check_poses("T_world_body", check_shape("T_world_body", T_world_body, (4, 4)))
+    angles = check_shape("q", q, (robot.num_legs, NUM_JOINTS), ("leg", "joint"))
     return np.concatenate([pin.SE3ToXYZQUAT(pin.SE3(T)), angles.ravel()])
 
 
@@ -128,7 +128,7 @@ def inverse_dynamics(robot: Robot, configuration: ArrayLike, velocity: ArrayLike
     ``velocity`` (6 + 3 L,) [m/s, rad/s].
     """
     model, data, q = _prepared(robot, configuration)
-    a = check_array("acceleration", acceleration, (model.nv,))
+    a = check_shape("acceleration", acceleration, (model.nv,))
     return pin.rnea(model, data, q, _velocity(model, velocity), a).copy()
 
 
@@ -220,11 +220,11 @@ def _inertia(body: Body) -> pin.Inertia:
 
 def _prepared(robot: Robot, configuration: ArrayLike) -> tuple[pin.Model, pin.Data, Array]:
     model = build_model(robot)
-    q = check_array("configuration", configuration, (model.nq,))
+    q = check_shape("configuration", configuration, (model.nq,))
     if abs(np.linalg.norm(q[3:7]) - 1.0) > 1e-6:
         raise InvalidInputError(f"configuration: its quaternion has norm {np.linalg.norm(q[3:7]):g}, expected 1")
     return model, model.createData(), q
 
 
 def _velocity(model: pin.Model, velocity: ArrayLike) -> Array:
-    return check_array("velocity", velocity, (model.nv,))
+    return check_shape("velocity", velocity, (model.nv,))

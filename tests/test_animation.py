@@ -208,7 +208,7 @@ def test_a_leg_that_never_has_angles_is_refused_by_name(hwr, marked):
 
 
 def test_plans_and_motions_are_animated_too_without_forces(hwr, marked):
-    for motion in (marked, motion_of(marked)):
+    for motion in (marked, motion_of(hwr, marked)):
         scene = animate(hwr, motion, Plane()).scene
         assert scene.force is None and scene.zmp is None and scene.polygon is not None
         assert scene.time[[0, -1]] == pytest.approx(marked.time[[0, -1]])
@@ -342,7 +342,7 @@ def test_wrong_arguments_are_named(athena, short_walk, options, error, message):
 
 
 def test_a_motion_of_another_robot_or_without_course_of_time_is_named(athena, hwr, marked):
-    motion = motion_of(marked)
+    motion = motion_of(hwr, marked)
     with pytest.raises(InvalidInputError, match=r"motion: q has shape \(\d+, 4, 3\), expected \(\d+, 6, 3\)"):
         animate(athena, dataclasses.replace(motion, q=motion.q[:, :4]), Plane())
     with pytest.raises(InvalidInputError, match=r"motion: T_world_body has shape \(\d+, 4, 4\), expected \(1, 4, 4\)"):
@@ -357,7 +357,7 @@ def test_a_motion_of_another_robot_or_without_course_of_time_is_named(athena, hw
     with pytest.raises(InvalidInputError, match=r"time must ascend, but .* s follows .* s \(index 1\)"):
         animate(hwr, dataclasses.replace(motion, time=motion.time[::-1]), Plane())
     four = {name: getattr(motion, name)[:, :4] for name in ("p_body_foot", "q", "carrying", "clipped")}
-    with pytest.raises(InvalidInputError, match="motion: for 4 legs, athena has 6"):
+    with pytest.raises(InvalidInputError, match="motion: for 4 legs, but athena has 6"):
         animate(athena, dataclasses.replace(motion, **four), Plane())
 
 

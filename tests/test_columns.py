@@ -56,7 +56,7 @@ def test_a_recording_comes_back_from_its_frame(short_walk):
     assert frame.shape == (len(short_walk.time), numbers - 1 - 16 + 7)  # time is the index, a pose has seven numbers
 
 
-def test_a_plan_and_a_motion_come_back_with_nan_where_feet_are_out_of_reach(plan):
+def test_a_plan_and_a_motion_come_back_with_nan_where_feet_are_out_of_reach(athena, plan):
     legs = [f"leg{leg}" for leg in LEGS]
     assert not plan.reachable.all()
     frame = plan.to_dataframe()
@@ -64,7 +64,7 @@ def test_a_plan_and_a_motion_come_back_with_nan_where_feet_are_out_of_reach(plan
     assert np.array_equal(frame["q_leg2_femur"].isna(), ~plan.reachable[:, 1])
     assert np.array_equal(gathered(frame, "p_world_foot", legs, "xyz"), plan.p_world_foot)
     assert np.array_equal(gathered(frame, "ground_height", legs), plan.ground_height)
-    motion = motion_of(plan)
+    motion = motion_of(athena, plan)
     frame = motion.to_dataframe()
     assert np.array_equal(gathered(frame, "p_body_foot", legs, "xyz"), motion.p_body_foot)
     assert np.array_equal(gathered(frame, "carrying", legs), motion.carrying)
@@ -80,8 +80,8 @@ def test_measures_come_back_by_cycle(short_walk):
     assert all(np.array_equal(frame[name], getattr(measures, name)) for name in frame)
 
 
-def test_arrays_that_do_not_go_together_are_named(short_walk):
-    motion = motion_of(short_walk)
+def test_arrays_that_do_not_go_together_are_named(athena, short_walk):
+    motion = motion_of(athena, short_walk)
     with pytest.raises(InvalidInputError, match=r"q: shape \(3, 6, 3\), expected \(\d+, 6, 3\)"):
         dataclasses.replace(motion, q=motion.q[:3]).to_dataframe()
     with pytest.raises(InvalidInputError, match=r"carrying: shape \(\d+, 5\), expected \(\d+, 6\)"):

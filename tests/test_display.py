@@ -37,7 +37,7 @@ def test_results_are_printed_in_one_line_and_not_by_their_arrays(athena, walk, r
     assert repr(walk) == "Recording(robot athena, terrain Plane(z=0.0), engine rigid, 6 ticks, 0.25 s)"
     assert repr(report) == f"FeasibilityReport(feasible; {len(plan.time)} instants)"
     assert repr(athena) == "Robot('athena', 6 legs, 2.133 kg)"
-    assert repr(motion_of(walk)).startswith(
+    assert repr(motion_of(athena, walk)).startswith(
         "Motion(time (6,), T_world_body (6, 4, 4), p_body_foot (6, 6, 3), q (6, 6, 3)"
     )
     shown = [walk, plan, report, report.motion, report.forces, *report.constraints.values()]

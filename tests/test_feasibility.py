@@ -296,7 +296,9 @@ def test_each_violation_is_found_with_its_leg_and_time(athena, walk):
 
     q = np.array(walk.q)
     q[at, leg, 0] = athena.q_max[leg, 0] + 0.1
-    beyond = check(athena, changed(walk, q=q), plane).constraints["joint limits"]
+    beyond = check(athena, changed(walk, q=q, p_body_foot=hk.forward_kinematics(athena, q)), plane).constraints[
+        "joint limits"
+    ]
     assert (beyond.leg, beyond.time) == (leg + 1, walk.time[at]) and beyond.worst == pytest.approx(-0.1)
 
     fast = check(athena, changed(walk, time=0.1 * walk.time), plane)
@@ -359,4 +361,4 @@ def test_what_cannot_be_checked_is_refused(athena, walk):
         check(athena, walk, hk.terrain.Plane(), clearance=-1.0)
     with pytest.raises(InvalidInputError, match="heights"):
         check(athena, walk, hk.terrain.LegCurves())
-    assert isinstance(checks.motion_of(walk), Motion)
+    assert isinstance(checks.motion_of(athena, walk), Motion)

@@ -148,9 +148,7 @@ def make_scene(
     """Return the scene that `hexakin.animation.animate` shows; arguments and errors are those of `animate`."""
     wanted = _check_show(show)
     ground = None if isinstance(terrain, LegCurves) else terrain
-    course = motion_of(motion)
-    if course.q.shape[1] != robot.num_legs:
-        raise InvalidInputError(f"motion: for {course.q.shape[1]} legs, {robot.name} has {robot.num_legs}")
+    course = motion_of(robot, motion)
     chosen = _keyframes(course.time)
     T = check_poses("motion: T_world_body", course.T_world_body)[chosen]
     q, held = _held(course.q[chosen], course.time[chosen])

@@ -4,6 +4,7 @@ from hexakin.checks.annotations import checked
 from hexakin.checks.values import (
     Array,
     check_array,
+    check_arrays,
     check_columns,
     check_flags,
     check_function,
@@ -21,6 +22,7 @@ from hexakin.checks.values import (
 __all__ = [
     "Array",
     "check_array",
+    "check_arrays",
     "check_columns",
     "check_flags",
     "check_function",

@@ -81,7 +81,7 @@ _BASIC: dict[Any, _Kind] = {
 
 
 def _kind(hint: Any) -> _Kind | None:
-    """Return the kind that an annotation stands for; None for Any, for arrays and for what is not known."""
+    """Return the kind that an annotation stands for; None for Any, for ``ArrayLike`` and for what is not known."""
     if hint in _BASIC:
         return _BASIC[hint]
     if hint in (Any, object):
@@ -95,7 +95,9 @@ def _kind(hint: Any) -> _Kind | None:
         return _sequence(origin, arguments)
     if inspect.isclass(origin) and issubclass(origin, Mapping):
         return _mapping(arguments)
-    if inspect.isclass(origin or hint) and origin is not np.ndarray and _can_be_checked(hint):
+    if origin is np.ndarray:
+        return _array(arguments)
+    if inspect.isclass(origin or hint) and _can_be_checked(hint):
         return _instance(origin or hint)
     return None
 
@@ -151,6 +153,33 @@ def _instance(cls: Any) -> _Kind:
     made_by = getattr(cls, "made_by", None)
     text = f"a {cls.__name__}" + (f", as {made_by} returns it" if isinstance(made_by, str) else "")
     return _Kind(lambda value: isinstance(value, cls) and not isinstance(value, type), text)
+
+
+def _array(arguments: tuple[Any, ...]) -> _Kind:
+    """An array, or what NumPy makes an array of, with elements that NumPy converts without a loss."""
+    element = (typing.get_args(arguments[1]) or (np.generic,))[0] if len(arguments) == 2 else np.generic
+    known = [
+        (letters, text) for kind, letters, text in _ELEMENTS if inspect.isclass(element) and issubclass(element, kind)
+    ]
+    letters, text = known[0] if known else ("biufcUSmMO", "values")
+
+    def holds(value: Any) -> bool:
+        if isinstance(value, np.ndarray):
+            return value.dtype.kind in letters
+        try:
+            return np.asarray(value).dtype.kind in letters
+        except Exception:  # an object may raise anything when it is converted
+            return False
+
+    return _Kind(holds, f"an array of {text}")
+
+
+_ELEMENTS = (
+    (np.bool_, "b", "True and False"),
+    (np.integer, "iu", "whole numbers"),
+    (np.floating, "biuf", "numbers"),
+    (np.str_, "U", "texts"),
+)
 
 
 def _can_be_checked(cls: Any) -> bool:

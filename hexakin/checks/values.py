@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import numbers
 import os
 from collections.abc import Callable, Iterable, Sized
 from pathlib import Path
@@ -20,17 +19,26 @@ _BLOCK = 2048  # poses whose columns fit into the cache
 _ROTATION_ERROR = 1e-6  # rounding in single precision, or in a long product of rotations, is below it
 
 
-def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
+def check_array(
+    name: str,
+    value: ArrayLike,
+    trailing: tuple[int | None, ...],
+    labels: tuple[str, ...] = (),
+    *,
+    finite: bool = True,
+) -> Array:
     """Convert ``value`` to a float array with the last axes ``trailing``, and check that all elements are finite.
 
     ``name`` is the argument's name in the message. ``labels`` are names of the last axes, such as ``("leg", "joint")``;
-    the message counts along them from 1. Raises InvalidInputError, which names the argument and the first bad element.
+    the message counts along them from 1. A size None in ``trailing`` stands for any. With ``finite`` = False, NaN and
+    infinite elements are allowed. Raises InvalidInputError, which names the argument and the first bad element.
     """
     array = _as_floats(name, value)
-    if array.shape[array.ndim - len(trailing) :] != trailing or array.ndim < len(trailing):
-        expected = "(..., " + ", ".join(map(str, trailing)) + ")"
+    last = array.shape[max(array.ndim - len(trailing), 0) :]
+    if last != trailing and not _fits(last, trailing):
+        expected = "(..., " + ", ".join("n" if size is None else str(size) for size in trailing) + ")"
         raise InvalidInputError(f"{name}: expected shape {expected}, got {array.shape}")
-    if not np.isfinite(array).all():
+    if finite and not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         last = index[len(index) - len(trailing) :]
         place = ", ".join(f"{label} {i + 1}" for label, i in zip(labels, last, strict=False)) or f"index {index}"
@@ -38,6 +46,25 @@ def check_array(name: str, value: ArrayLike, trailing: tuple[int, ...], labels: 
         at = f" (at index {', '.join(map(str, leading))})" if leading else ""
         raise InvalidInputError(f"{name}: {place} is {array[index]}, expected a finite number{at}")
     return array
+
+
+def _fits(shape: tuple[int, ...], trailing: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(trailing) and all(m in (n, None) for n, m in zip(shape, trailing, strict=True))
+
+
+def check_arrays(*named: tuple[str, ArrayLike, tuple[int | None, ...]], finite: bool = True) -> list[Array]:
+    """Check several arrays as ``check_array`` does, and that their leading axes broadcast against each other.
+
+    Each of ``named`` is an argument's name, its value and its last axes. The arrays keep their shapes. Raises
+    InvalidInputError, which names the argument, or all arguments and their shapes.
+    """
+    arrays = [check_array(name, value, trailing, finite=finite) for name, value, trailing in named]
+    try:
+        np.broadcast_shapes(*(a.shape[: a.ndim - len(t)] for a, (_, _, t) in zip(arrays, named, strict=True)))
+    except ValueError as error:
+        names = ", ".join(name for name, _, _ in named)
+        raise InvalidInputError(f"{names}: shapes {', '.join(str(a.shape) for a in arrays)} do not fit") from error
+    return arrays
 
 
 def _as_floats(name: str, value: ArrayLike) -> Array:
@@ -139,7 +166,7 @@ def is_number(value: object) -> TypeGuard[float]:
     """Return whether ``value`` is a real number in the range of floats; a flag or a text is none."""
     if type(value) is float:
         return True
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         return False
     try:
         float(value)
@@ -155,9 +182,12 @@ def is_whole(value: object) -> TypeGuard[int]:
     return -(2**63) <= int(value) < 2**63
 
 
-def read_only(value: ArrayLike) -> Array:
-    """Return a read-only copy of ``value`` as a float array."""
-    array = np.array(value, dtype=float)
+def read_only(value: ArrayLike, name: str = "value") -> Array:
+    """Return a read-only copy of ``value`` as a float array.
+
+    Raises InvalidInputError, which names the argument ``name``, for what are no numbers.
+    """
+    array = np.array(_as_floats(name, value))
     array.setflags(write=False)
     return array
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array
+from hexakin.checks import Array, check_array, check_flags, check_number, check_shape
 from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 
@@ -42,7 +42,7 @@ def supporting_feet(foot_force: ArrayLike, threshold: float = 0.0) -> NDArray[np
 
     ``foot_force`` (..., L) [N] are the normal forces, ``threshold`` [N] is the same for all feet.
     """
-    return np.asarray(foot_force, dtype=float) > threshold
+    return check_array("foot_force", foot_force, (None,), ("leg",)) > check_number("threshold", threshold, unit="N")
 
 
 def slenderness(p: ArrayLike) -> float:
@@ -50,7 +50,7 @@ def slenderness(p: ArrayLike) -> float:
 
     ``p`` (3, 3) [m] are the corners, one per row.
     """
-    corners = np.asarray(p, dtype=float)
+    corners = check_shape("p", p, (3, 3))
     longest = max(float(np.linalg.norm(corners[i] - corners[j])) for i, j in ((0, 1), (1, 2), (2, 0)))
     twice_area = float(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])))
     return twice_area / longest**2 if longest > 0.0 else 0.0
@@ -62,8 +62,8 @@ def usable_triples(p_body_foot: ArrayLike, support: ArrayLike) -> list[tuple[int
     ``p_body_foot`` (L, 3) [m] are the feet, ``support`` (L,) bool tells which of them carry load. Returns tuples of
     three leg indices; their slenderness is at least ``MIN_SLENDERNESS``.
     """
-    feet = np.asarray(p_body_foot, dtype=float)
-    legs = [int(leg) for leg in np.flatnonzero(support)]
+    feet = check_shape("p_body_foot", p_body_foot, (None, 3))
+    legs = [int(leg) for leg in np.flatnonzero(check_flags("support", support, (len(feet),)))]
     return [triple for triple in combinations(legs, 3) if slenderness(feet[list(triple)]) >= MIN_SLENDERNESS]
 
 
@@ -73,7 +73,7 @@ def ground_plane(p_body_foot: ArrayLike, support: ArrayLike, rng: np.random.Gene
     ``p_body_foot`` (L, 3) [m] are the feet in the body frame, ``support`` (L,) bool tells which of them carry load.
     ``rng`` draws the triple; if there is only one, nothing is drawn.
     """
-    feet = np.asarray(p_body_foot, dtype=float)
+    feet = check_shape("p_body_foot", p_body_foot, (None, 3))
     triples = usable_triples(feet, support)
     if not triples:
         return None
@@ -94,7 +94,7 @@ def slope_angles(robot: Robot, normal: ArrayLike) -> tuple[float, float]:
     with two corrections: the right components of the normal, and atan2 in place of arccos, which loses the sign.
     Ground that rises ahead has delta_alpha > 0; ground that falls to the right has delta_beta > 0.
     """
-    n = np.asarray(normal, dtype=float)
+    n = check_shape("normal", normal, (3,))
     delta_alpha = np.arctan2(-n @ robot.forward, n[2])
     delta_beta = np.arctan2(n @ robot.right, n[2])
     return float(delta_alpha), float(delta_beta)

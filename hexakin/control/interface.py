@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_whole, checked
-from hexakin.exceptions import InvalidInputError
+from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked
+from hexakin.exceptions import InvalidInputError, shown
 from hexakin.motion.recording import Recording, as_json
 from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS
@@ -60,8 +60,10 @@ class Observation(NamedTuple):
 
         ``time`` [s], ``q`` (L, 3) [rad], ``foot_force`` (L,) [N] and ``height`` [m] are the fields of the same names.
         """
-        angles, upwards = np.asarray(q, dtype=float), np.array([0.0, 0.0, 1.0])
-        force = np.asarray(foot_force, dtype=float)
+        angles, upwards = check_shape("q", q, (None, NUM_JOINTS)), np.array([0.0, 0.0, 1.0])
+        force = check_shape("foot_force", foot_force, (len(angles),), ("leg",))
+        check_number("time", time, unit="s")
+        check_number("height", height, unit="m")
         return cls(time, angles, np.zeros_like(angles), force, height, np.zeros(3), upwards)
 
 
@@ -161,16 +163,16 @@ def check_answer(controller: Controller, command: object, time: float, first: Co
     return checked
 
 
-def check_controller(controller: Any) -> dict[str, Any]:
+def check_controller(controller: Any, control_rate: float) -> dict[str, Any]:
     """Return the parameters of ``controller`` as a recording keeps them, with the name of its class as "name".
 
     Raises InvalidInputError for an object without a robot, that lacks a member of ``Controller``, that has no gait
-    phases, or whose parameters cannot be written as JSON.
+    phases, whose parameters cannot be written as JSON, or that cannot work at ``control_rate`` [Hz].
     """
     kind = type(controller).__name__
     if not isinstance(getattr(controller, "robot", None), Robot):
         raise InvalidInputError(
-            f"controller: expected one such as hexakin.PostureController(robot), got {controller!r:.80}"
+            f"controller: expected one such as hexakin.PostureController(robot), got {shown(controller)}"
         )
     for name in ("parameters", "start"):
         if not callable(getattr(controller, name, None)):
@@ -182,6 +184,8 @@ def check_controller(controller: Any) -> dict[str, Any]:
         json.dumps(parameters, default=as_json)
     except (InvalidInputError, TypeError, ValueError) as error:
         raise InvalidInputError(f"controller: {kind}: {error}") from error
+    if callable(check_rate := getattr(controller, "check_control_rate", None)):
+        check_rate(control_rate)
     return parameters
 
 
@@ -215,7 +219,9 @@ class ControlRun(Protocol):
 class Controller(Protocol):
     """A controller: a value that can start any number of runs (A section 4).
 
-    Two runs that receive equal observations return equal commands.
+    Two runs that receive equal observations return equal commands. A controller may also have a method
+    ``check_control_rate(control_rate)``. It is called before the robot is placed, and raises InvalidInputError if the
+    controller cannot work at this rate [Hz].
     """
 
     @property

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number, check_whole, checked
+from hexakin.checks import Array, check_array, check_number, check_whole, checked
 from hexakin.control.ground_plane import ground_plane, slope_angles, supporting_feet
 from hexakin.control.interface import Command, Observation
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics
+from hexakin.kinematics.leg_functions import reach
 from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation
 from hexakin.walking.gait import Gait, tripod
@@ -86,8 +87,10 @@ class PostureController:
             check_number(name, getattr(self, name), at_least=0.0, at_most=1.0)
         for name in ("phase_duration", "extension_speed"):
             check_number(name, getattr(self, name), above=0.0)
+        # Lengths in millimetres would be far beyond it, and every foot would be out of reach without an error.
+        farthest = 2.0 * float(reach(self.robot).max())
         for name in ("stride", "apex", "max_extension"):
-            check_number(name, getattr(self, name), at_least=0.0, unit="m")
+            check_number(name, getattr(self, name), at_least=0.0, at_most=farthest, unit="m")
         check_whole("estimate_every", self.estimate_every, at_least=1)
         check_whole("seed", self.seed)
         options = {"reading": READINGS, "start_from": STARTS, "first_phase": FIRST_PHASES}
@@ -95,7 +98,7 @@ class PostureController:
             if getattr(self, name) not in known:
                 raise UnknownNameError(name, getattr(self, name), list(known))
         if self.reference_height is not None:
-            check_number("reference_height", self.reference_height, above=0.0, unit="m")
+            check_number("reference_height", self.reference_height, above=0.0, at_most=farthest, unit="m")
         object.__setattr__(self, "gait", tripod(self.robot))
 
     @property
@@ -113,6 +116,15 @@ class PostureController:
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("robot", "gait")}
 
     @checked
+    def check_control_rate(self, control_rate: float) -> None:
+        """Raise InvalidInputError unless a phase is a whole number of ticks at ``control_rate`` [Hz]."""
+        ticks = self.phase_duration * check_number("control_rate", control_rate, above=0.0, unit="Hz")
+        if not np.isfinite(ticks) or abs(ticks - round(ticks)) > 1e-9 or round(ticks) < 1:
+            raise InvalidInputError(
+                f"phase_duration: {self.phase_duration:g} s is not a whole number of ticks at {control_rate:g} Hz"
+            )
+
+    @checked
     def start(self, observation: Observation, control_rate: float) -> PostureRun:
         """Begin a run at ``observation``; its ``command`` is called ``control_rate`` [Hz] times per second."""
         return PostureRun(self, observation, control_rate)
@@ -123,7 +135,7 @@ class PostureController:
 
         ``delta_z`` [m] is the measured height minus the reference height.
         """
-        return self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
+        return self.stride * self.robot.forward + [0.0, 0.0, self.k_z * check_number("delta_z", delta_z, unit="m")]
 
     @checked
     def stance_displacement(self, p_body_foot: Array, delta_z: float, delta_alpha: float, delta_beta: float) -> Array:
@@ -132,6 +144,9 @@ class PostureController:
         ``p_body_foot`` (L, 3) [m] are the feet at the start. ``delta_z`` [m] is the measured height minus the reference
         height; ``delta_alpha`` and ``delta_beta`` [rad] are the slope angles of the ground.
         """
+        feet = check_array("p_body_foot", p_body_foot, (self.robot.num_legs, 3), ("leg", "coordinate"))
+        for name, value in (("delta_z", delta_z), ("delta_alpha", delta_alpha), ("delta_beta", delta_beta)):
+            check_number(name, value)
         pitch = axis_rotation(self.robot.right, self.k_alpha * delta_alpha)
         roll = axis_rotation(self.robot.forward, self.k_beta * delta_beta)
         rotation = pitch @ roll
@@ -139,8 +154,8 @@ class PostureController:
         t = -self.stride * self.robot.forward + [0.0, 0.0, self.k_z * delta_z]
         if self.reading == "as_printed":
             # A(29): the translation of the product of transforms is the rotated vector, the same for all feet.
-            return np.broadcast_to(rotation @ t, p_body_foot.shape)
-        return (p_body_foot + t) @ rotation - p_body_foot  # rows: R^T (p_0 + t) - p_0
+            return np.broadcast_to(rotation @ t, feet.shape)
+        return (feet + t) @ rotation - feet  # rows: R^T (p_0 + t) - p_0
 
 
 @checked
@@ -153,12 +168,8 @@ class PostureRun:
 
     def __init__(self, controller: PostureController, observation: Observation, control_rate: float):
         self._controller = controller
-        ticks = controller.phase_duration * control_rate
-        if abs(ticks - round(ticks)) > 1e-9 or round(ticks) < 1:
-            raise InvalidInputError(
-                f"phase_duration: {controller.phase_duration:g} s is not a whole number of ticks at {control_rate:g} Hz"
-            )
-        self._ticks_per_phase = round(ticks)
+        controller.check_control_rate(control_rate)
+        self._ticks_per_phase = round(controller.phase_duration * control_rate)
         self._extension_step = controller.extension_speed / control_rate
         self._rng = np.random.default_rng(controller.seed)
         self._q = np.array(observation.q)

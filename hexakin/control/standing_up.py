@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hexakin.checks import Array, check_number, checked
+from hexakin.checks import Array, check_number, check_shape, checked
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
 from hexakin.kinematics.leg_functions import reach
@@ -49,6 +49,9 @@ def footholds_to_rise_on(robot: Robot, home: Array, ground: float, lift: float =
     up and down between the ground and their standing height within the joint limits. Raises UnreachableError or
     JointLimitError, which name the leg, if there are no such footholds.
     """
+    home = check_shape("home", home, (robot.num_legs, 3), ("leg", "coordinate"))
+    check_number("ground", ground, unit="m")
+    check_number("lift", lift, at_least=0.0, unit="m")
     hips = np.array([robot.fixed_poses(leg)[0, :3, 3] for leg in range(robot.num_legs)])
     outward = (home - hips) * [1.0, 1.0, 0.0]
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)  # 0 for a foot directly below its hip

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_number, checked
+from hexakin.checks import Array, check_array, check_number, checked
 from hexakin.control.interface import Command, Observation
 from hexakin.control.standing_up import footholds_to_rise_on, lies
 from hexakin.exceptions import InvalidInputError
@@ -124,6 +124,7 @@ class SteeringController:
 
         Raises InvalidInputError if the function of time returns anything but three finite numbers.
         """
+        check_number("time", time, unit="s")
         return _checked(self.twist(time)) if callable(self.twist) else self.twist
 
     def parameters(self) -> dict[str, Any]:
@@ -145,10 +146,10 @@ class SteeringController:
 
         The body moves with ``twist``; ``p_body_foot`` (L, 3) [m] are the points in the body frame.
         """
-        robot = self.robot
-        return -(
-            twist.forward * robot.forward - twist.left * robot.right + np.cross([0.0, 0.0, twist.turn], p_body_foot)
-        )
+        robot, command = self.robot, _checked(twist)
+        points = check_array("p_body_foot", p_body_foot, (3,))
+        sideways = command.left * robot.right
+        return -(command.forward * robot.forward - sideways + np.cross([0.0, 0.0, command.turn], points))
 
     @checked
     def landing(self, twist: Twist) -> Array:
@@ -157,7 +158,7 @@ class SteeringController:
         A foot that stays on the ground there, while the body moves with ``twist``, is at its standing foothold in the
         middle of the stance.
         """
-        return _moved(self, twist, self.home, -0.5 * self._gait.duty_factor * self.cycle_duration)
+        return _moved(self, _checked(twist), self.home, -0.5 * self._gait.duty_factor * self.cycle_duration)
 
     def _refuse(self, twist: Twist) -> None:
         """Raise if the legs cannot reach the two ends of a stroke or the top of a swing.

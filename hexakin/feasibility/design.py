@@ -21,7 +21,7 @@ from hexakin.checks import Array, check_number, checked
 from hexakin.exceptions import SolverError, UnknownNameError
 from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
 from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
-from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, standing_height
+from hexakin.kinematics.forward import at_contact, forward_kinematics, standing_height
 from hexakin.robot.model import GRAVITY, Robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 from hexakin.walking.gait import tripod
@@ -292,7 +292,7 @@ class _Question:
                 # The contact lies on the foot's sphere, a radius below its centre.
                 lever = -robot.foot_radius * (R.T @ up)
                 jacobian, axes = (ca.reshape(state[name], 3, 3) for name in ("jacobian", "axes"))
-                torque -= weight * contact_jacobian(jacobian, axes, ca.skew(lever)).T @ (R.T @ force)
+                torque -= weight * at_contact(jacobian, axes, ca.skew(lever)).T @ (R.T @ force)
             for sign in (1.0, -1.0):
                 slack = 1.0 - (sign * torque + self.torque_margin) / self.limit
                 self._require(f"torque, leg {leg + 1}", slack, 0.0, np.inf)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_poses, checked
+from hexakin.checks import Array, check_array, check_flags, check_number, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.force_solver import MOST_FRICTION, diagnosed, satisfied, solved, solved_again
@@ -107,7 +107,7 @@ def distribute(
         raise InvalidInputError(f"max_torque: {limit}, expected a number above 0 or inf")
     T = check_poses("T_world_body", T_world_body)
     angles = check_array("q", q, (robot.num_legs, 3), ("leg", "joint"))
-    carry = np.asarray(carrying, dtype=bool)
+    carry = check_flags("carrying", carrying, (None, robot.num_legs))
     n = len(angles)
     if angles.ndim != 3 or T.shape != (n, 4, 4) or carry.shape != (n, robot.num_legs):
         shapes = f"T_world_body {T.shape}, q {angles.shape}, carrying {carry.shape}"

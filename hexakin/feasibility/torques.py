@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_poses, checked
+from hexakin.checks import Array, check_array, check_flags, check_poses, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility.casadi_legs import leg_states
 from hexakin.feasibility.statics import StaticProblem, static_problem
@@ -105,7 +105,7 @@ def internal_forces(points: ArrayLike, force: ArrayLike, carrying: ArrayLike) ->
         Which feet carry load, (n, L) bool. The forces of the other feet are left out, and zero in the result.
     """
     where, f = (check_array(name, v, (3,), ("coordinate",)) for name, v in (("points", points), ("force", force)))
-    carry = np.asarray(carrying, dtype=bool)
+    carry = check_flags("carrying", carrying, (None, None))
     if f.ndim != 3 or where.shape != f.shape or carry.shape != f.shape[:2]:
         shapes = f"points {where.shape}, force {f.shape}, carrying {carry.shape}"
         raise InvalidInputError(f"expected shapes (n, L, 3), (n, L, 3) and (n, L); got {shapes}")

@@ -32,6 +32,7 @@ from hexakin.figures.style import (
     check_colours,
 )
 from hexakin.kinematics.forward import forward_kinematics, segment_poses
+from hexakin.motion.motion import motion_of
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import SEGMENT_NAMES, Body, Robot
@@ -303,8 +304,7 @@ def draw_plan(ax: Axes3D, robot: Robot, plan: WalkPlan, samples: Sequence[int], 
     """
     for sample in samples:
         check_whole("samples", sample, at_most=len(plan.time) - 1)
-    if plan.q.shape[1] != robot.num_legs:
-        raise InvalidInputError(f"plan: has {plan.q.shape[1]} legs, but {robot.name} has {robot.num_legs}")
+    motion_of(robot, plan)  # refuses a plan of another robot
     for leg in range(robot.num_legs):
         colour = LEG_COLOURS[leg % len(LEG_COLOURS)]
         ax.plot(*(plan.p_world_foot[:, leg].T * MM), color=colour, lw=0.9, zorder=2)

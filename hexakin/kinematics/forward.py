@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, checked
+from hexakin.checks import Array, check_array, check_arrays, checked
 from hexakin.kinematics.evaluation import OutOfRangeError, fits, forward_of, jacobian_of
 from hexakin.kinematics.leg_functions import within_half_turn
 from hexakin.robot.model import Robot
@@ -86,14 +86,20 @@ def joint_axes(robot: Robot, q: ArrayLike) -> Array:
 
 
 @checked
-def contact_jacobian(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
+def contact_jacobian(jacobian: ArrayLike, axes: ArrayLike, cross_lever: ArrayLike) -> Array:
     """Return the derivative (..., 3, 3) [m/rad] by the joint angles of the point of a foot that touches the ground.
 
     The point turns with the foot. ``jacobian`` (..., 3, 3) [m/rad] is that of the foot's centre. ``axes`` (..., 3, 3)
     are the joint axes as columns (``joint_axes``). ``cross_lever`` (..., 3, 3) [m] is the cross-product matrix of the
     lever, which leads from the centre to the point (``hexakin.transforms.cross_matrix``). All three are in the same
-    frame, as arrays or as CasADi's matrices of one leg.
+    frame.
     """
+    named = (("jacobian", jacobian, (3, 3)), ("axes", axes, (3, 3)), ("cross_lever", cross_lever, (3, 3)))
+    return at_contact(*check_arrays(*named, finite=False))
+
+
+def at_contact(jacobian: Any, axes: Any, cross_lever: Any) -> Any:
+    """Return ``contact_jacobian`` without checks, of arrays or of CasADi's matrices of one leg."""
     return jacobian - cross_lever @ axes
 
 

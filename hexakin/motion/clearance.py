@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_poses, checked
+from hexakin.checks import Array, check_number, check_poses, check_shape, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.robot.model import Robot
@@ -45,6 +45,9 @@ def way_to_ground(
     (3,) is a unit vector upwards. The lowest part is a foot, or the torso unless ``torso`` is false. Raises
     InvalidInputError if no distance of up to some metres leads there.
     """
+    check_number("gap", gap, unit="m")
+    T_world_body = check_poses("T_world_body", check_shape("T_world_body", T_world_body, (4, 4)))
+    direction = check_shape("direction", direction, (3,))
     feet, distance = transform_points(T_world_body, forward_kinematics(robot, q)), 0.0
     for _ in range(_MOST_MOVES):
         moved = np.array(T_world_body)

@@ -49,7 +49,7 @@ class CycleMeasures:
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+            object.__setattr__(self, name, read_only(getattr(self, name), name))
 
     def _repr_html_(self) -> str:
         return columns_table(self, f"CycleMeasures, {len(self.height)} gait cycles")

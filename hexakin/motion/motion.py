@@ -10,14 +10,18 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array, check_array, checked
 from hexakin.exceptions import InvalidInputError
+from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.columns import column, columns_table, dataframe, described
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.numerics.display import short_repr
+from hexakin.robot.model import Robot
 from hexakin.transforms import inverse_pose, transform_points
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_SAME_FOOT = 1e-5  # [m] files in single precision, and angles that were computed iteratively, differ by less
 
 
 @described("n")
@@ -26,7 +30,9 @@ if TYPE_CHECKING:
 class Motion:
     """Motion of the body and of L legs at n instants.
 
-    ``touch`` is the largest depth [m] at which a foot that carries no load may be in the ground.
+    ``touch`` is the largest depth [m] at which a foot that carries no load may be in the ground. ``carrying_since``
+    tells whether ``carrying`` marks the feet that carried load at some time since the instant before, as in a
+    recording (True), or those that carry it at the instant (False).
     """
 
     time: Array = field(metadata=column("", "s", "instant"))
@@ -43,6 +49,7 @@ class Motion:
         default=None, metadata=column("leg", "m", "height of the ground below the foot; None: that of the terrain")
     )
     touch: float = 1e-6
+    carrying_since: bool = False
 
     __repr__ = short_repr
 
@@ -58,12 +65,13 @@ class Motion:
         return dataframe(self)
 
 
-def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
-    """Return a plan or a recording as a Motion.
+def motion_of(robot: Robot, motion: Motion | WalkPlan | Recording) -> Motion:
+    """Return a plan or a recording of ``robot`` as a Motion.
 
     ``motion`` is a WalkPlan, a Recording, or a Motion, which is returned unchanged. For a recording the result is the
     recorded motion, with the feet that carried load; a foot in the air may then be up to 2 mm in the ground. Raises
-    InvalidInputError for another type, for times that do not ascend, and for shapes that do not go together.
+    InvalidInputError for times that do not ascend, for shapes that do not go together, and for another robot's motion:
+    the joint angles must put the feet where they are, except where a foot is out of reach or its target was clipped.
     """
     if isinstance(motion, Motion):
         given = motion
@@ -77,16 +85,36 @@ def motion_of(motion: Motion | WalkPlan | Recording) -> Motion:
             np.zeros_like(motion.stance),
             motion.ground_height,
         )
-    elif isinstance(motion, Recording):
-        # This force is a mean over the tick before, so that a foot that has just lifted off still counts as loaded.
-        loaded = motion.foot_force > 0.0
-        given = Motion(
-            motion.time, motion.T_world_body, motion.p_body_foot, motion.q, loaded, motion.limited, touch=2e-3
-        )
     else:
-        raise InvalidInputError(f"motion: expected a Motion, WalkPlan or Recording, got {motion!r:.80}")
+        # This force is a mean over the tick before, so that a foot that has just lifted off still counts as loaded.
+        given = Motion(
+            motion.time,
+            motion.T_world_body,
+            motion.p_body_foot,
+            motion.q,
+            motion.foot_force > 0.0,
+            motion.limited,
+            touch=2e-3,
+            carrying_since=True,
+        )
     _check_shapes(given)
+    _check_robot(robot, given)
     return given
+
+
+def _check_robot(robot: Robot, motion: Motion) -> None:
+    legs = motion.q.shape[1]
+    if legs != robot.num_legs:
+        raise InvalidInputError(f"motion: for {legs} legs, but {robot.name} has {robot.num_legs}")
+    compared = np.isfinite(motion.q).all(axis=-1) & ~motion.clipped
+    feet = forward_kinematics(robot, np.where(compared[..., None], motion.q, robot.standing_q))
+    away = np.where(compared, np.linalg.norm(feet - motion.p_body_foot, axis=-1), 0.0)
+    at, leg = np.unravel_index(int(np.argmax(away)), away.shape)
+    if not away[at, leg] <= _SAME_FOOT:
+        raise InvalidInputError(
+            f"motion: not of {robot.name}, whose leg {leg + 1} has its foot {away[at, leg]:.3g} m elsewhere at these "
+            f"joint angles (t = {motion.time[at]:g} s)"
+        )
 
 
 def _check_shapes(motion: Motion) -> None:

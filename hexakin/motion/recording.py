@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # A recording has about 1.2 kB per control tick: the largest is one of 12 hours at 20 ticks per second. The file of a
 # walk has about three quarters of this size, that of a robot at rest less.
 _LARGEST = 2**30  # [bytes] of all arrays, unpacked
+MOST_TICKS = 864_000
+"""Largest number of ticks of a walk."""
 _RATIO, _SMALL = 200, 16 * 2**20  # a file of n bytes may unpack to _SMALL + _RATIO n
 _LONGEST_PARAMETERS = 2**20  # [characters] those of ATHENA's walk have 4000
 

@@ -16,11 +16,12 @@ from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationErr
 from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.motion.clearance import way_to_ground
-from hexakin.motion.recording import Recording
+from hexakin.motion.recording import MOST_TICKS, Recording
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, rotation_between
 
+_MOST_STEPS = 1_000_000  # time steps in a tick; more would take minutes, and no engine needs them
 _START_CLEARANCE = 1e-3  # [m] smallest gap between the robot and the ground at the start
 
 
@@ -95,21 +96,22 @@ def simulate(
     **engine_options
         Options of the class of the engine.
     """
-    controller_parameters = check_controller(controller)
+    check_number("control_rate", control_rate, above=0.0, unit="Hz")
+    controller_parameters = check_controller(controller, control_rate)
     if controller.robot is not robot and controller.robot.description() != robot.description():
         raise InvalidInputError(f"controller: made for another robot than {robot.name!r}")
     check_whole("seed", seed)
     if max_cycles is not None:
         check_whole("max_cycles", max_cycles, at_least=1)
-    for name, value in {"duration": duration, "time_step": time_step, "control_rate": control_rate}.items():
+    for name, value in {"duration": duration, "time_step": time_step}.items():
         check_number(name, value, above=0.0)
     check_number("perturbation", perturbation, at_least=0.0, unit="rad")
     check_number("settling_time", settling_time, at_least=0.0, unit="s")
     if force_sampling not in ("mean", "last"):
         raise UnknownNameError("force_sampling", force_sampling, ["mean", "last"])
     steps_per_tick = _whole(1.0 / control_rate / time_step, f"control tick of {1.0 / control_rate:g} s", time_step)
-    num_ticks = max(1, round(duration * control_rate))
-    settling_ticks = max(1, round(settling_time * control_rate))
+    num_ticks = count_ticks("duration", duration, control_rate)
+    settling_ticks = count_ticks("settling_time", settling_time, control_rate)
 
     rng = np.random.default_rng(seed)
     pose_at_start = _angles_at_start(robot, q_start)
@@ -185,7 +187,22 @@ def _angles_at_start(robot: Robot, q_start: ArrayLike | None) -> Array:
     return q
 
 
+def count_ticks(name: str, seconds: float, control_rate: float) -> int:
+    """Return the number of ticks, at least 1, in a time of ``seconds`` at ``control_rate`` [Hz].
+
+    Raises InvalidInputError, with the argument's ``name``, for more ticks than a recording can have.
+    """
+    ticks = seconds * control_rate
+    if not ticks <= MOST_TICKS:
+        raise InvalidInputError(
+            f"{name}: {seconds:g} s at {control_rate:g} Hz are {ticks:.3g} ticks, expected at most {MOST_TICKS}"
+        )
+    return max(1, round(ticks))
+
+
 def _whole(ratio: float, what: str, time_step: float) -> int:
+    if not ratio <= _MOST_STEPS:
+        raise InvalidInputError(f"time_step: {time_step:g} s, expected at most {_MOST_STEPS} steps in a {what}")
     if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
         raise InvalidInputError(f"time_step: {time_step:g} s does not divide the {what}")
     return round(ratio)

@@ -11,7 +11,7 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.clearance import foot_gaps, way_to_ground
 from hexakin.motion.motion import Motion
-from hexakin.simulation.closed_loop import starting_pose, torso_height
+from hexakin.simulation.closed_loop import count_ticks, starting_pose, torso_height
 from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, transform_points
 
@@ -38,10 +38,11 @@ def commanded_walk(
     UnknownNameError for another kind of terrain and InvalidInputError for a number out of its range, a controller or a
     command that cannot be used, and an endless walk.
     """
-    check_controller(controller)
     check_number("longest_cycle", longest_cycle, above=0.0, unit="s")
     check_whole("num_cycles", num_cycles, at_least=1)
     check_number("control_rate", control_rate, above=0.0)
+    check_controller(controller, control_rate)
+    most_ticks = count_ticks("num_cycles, longest_cycle", num_cycles * longest_cycle, control_rate)
     robot, near = controller.robot, 2e-3
     q = np.array(robot.standing_q)
     run, samples, tick = None, [], 0
@@ -68,7 +69,7 @@ def commanded_walk(
         command = check_answer(controller, run.command(observation), observation.time)
         if command.phase >= num_cycles * controller.phases_per_cycle:
             break
-        if tick > num_cycles * longest_cycle * control_rate:
+        if tick > most_ticks:
             raise InvalidInputError(
                 f"controller: {type(controller).__name__} is in phase {command.phase} after {tick / control_rate:g} s; "
                 f"expected {num_cycles} gait cycles of at most {longest_cycle:g} s (longest_cycle)"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from hexakin.checks import Array, check_array
+from hexakin.checks import Array, check_array, check_flags, check_shape
 from hexakin.exceptions import InvalidInputError
 
 
@@ -17,10 +17,10 @@ def support_polygon(p: ArrayLike) -> Array | None:
     None if there is no polygon: with fewer than three feet, or with all feet on one line. Raises InvalidInputError for
     another shape or a value that is not finite.
     """
-    points = np.asarray(p, dtype=float)
+    points = check_array("p", p, (None,), ("coordinate",))
     if points.ndim != 2 or points.shape[1] not in (2, 3):
         raise InvalidInputError(f"p: expected shape (k, 2) or (k, 3), got {points.shape}")
-    points = check_array("p", points, (points.shape[1],), ("coordinate",))[:, :2]
+    points = points[:, :2]
     if len(points) < 3:
         return None
     try:
@@ -32,8 +32,13 @@ def support_polygon(p: ArrayLike) -> Array | None:
 
 
 def centroid(polygon: ArrayLike) -> Array:
-    """Centroid (2,) [m] of the area of a ``polygon`` (m, 2) [m], whose vertices are in counter-clockwise order."""
-    a = np.asarray(polygon, dtype=float)
+    """Centroid (2,) [m] of the area of a ``polygon`` (m, 2) [m], whose vertices are in counter-clockwise order.
+
+    Raises InvalidInputError for fewer than three vertices.
+    """
+    a = check_shape("polygon", polygon, (None, 2))
+    if len(a) < 3:
+        raise InvalidInputError(f"polygon: expected three vertices or more, got {len(a)}")
     b = np.roll(a, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
     return ((a + b) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
@@ -75,7 +80,7 @@ def polygon_margins(point: ArrayLike, p_foot: ArrayLike, carrying: ArrayLike) ->
     do not fit together and for feet that are not finite.
     """
     feet = check_array("p_foot", p_foot, (2,), ("coordinate",))
-    where, carry = np.asarray(point, dtype=float), np.asarray(carrying, dtype=bool)
+    where, carry = check_array("point", point, (2,), finite=False), check_flags("carrying", carrying, (None, None))
     if feet.ndim != 3 or where.shape != (len(feet), 2) or carry.shape != feet.shape[:2]:
         shapes = f"point {where.shape}, p_foot {feet.shape}, carrying {carry.shape}"
         raise InvalidInputError(f"expected shapes (n, 2), (n, L, 2) and (n, L); got {shapes}")

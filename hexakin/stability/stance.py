@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_poses, checked, read_only
+from hexakin.checks import Array, check_array, check_flags, check_number, check_poses, check_shape, checked, read_only
 from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.numerics.display import short_repr
@@ -67,14 +67,14 @@ class Contacts:
         if points.ndim != 2:
             raise InvalidInputError(f"Contacts: points: expected shape (k, 3), got {points.shape}")
         k = len(points)
-        normals = _exactly("Contacts: normals", self.normals, (k, 3), ("contact", "coordinate"))
+        normals = check_shape("Contacts: normals", self.normals, (k, 3), ("contact", "coordinate"))
         length = np.linalg.norm(normals, axis=1)
         for i in np.flatnonzero(np.abs(length - 1.0) > _UNIT)[:1]:
             raise InvalidInputError(f"Contacts: normals: contact {i + 1} has length {length[i]:g}, expected 1")
         friction = _one_or_each("Contacts: friction", self.friction, k, "contact")
         for i in np.flatnonzero(friction < 0.0)[:1]:
             raise InvalidInputError(f"Contacts: friction: contact {i + 1} has {friction[i]:g}, expected at least 0")
-        center = _exactly("Contacts: center_of_mass", self.center_of_mass, (3,), ("coordinate",))
+        center = check_shape("Contacts: center_of_mass", self.center_of_mass, (3,), ("coordinate",))
         object.__setattr__(self, "mass", check_number("Contacts: mass", self.mass, above=0.0, unit="kg"))
         arrays = {"points": points, "normals": normals, "friction": friction, "center_of_mass": center}
         if (self.torque_rows is None) != (self.torque_bounds is None):
@@ -83,7 +83,7 @@ class Contacts:
             rows = check_array("Contacts: torque_rows", self.torque_rows, (3,), ("coordinate",))
             if rows.ndim != 3 or len(rows) != k:
                 raise InvalidInputError(f"Contacts: torque_rows: expected shape ({k}, m, 3), got {rows.shape}")
-            bounds = _exactly("Contacts: torque_bounds", self.torque_bounds, rows.shape[:2], ("contact", "row"))
+            bounds = check_shape("Contacts: torque_bounds", self.torque_bounds, rows.shape[:2], ("contact", "row"))
             arrays |= {"torque_rows": rows, "torque_bounds": bounds}
         for name, array in arrays.items():
             object.__setattr__(self, name, read_only(array))
@@ -131,11 +131,9 @@ def contacts_of(
     from hexakin import dynamics
 
     legs = robot.num_legs
-    T = _exactly("T_world_body", check_poses("T_world_body", T_world_body), (4, 4))
-    angles = _exactly("q", q, (legs, NUM_JOINTS), ("leg", "joint"))
-    flags = np.asarray(carrying)
-    if flags.dtype != bool or flags.shape != (legs,):
-        raise InvalidInputError(f"carrying: expected {legs} booleans, got {flags.dtype} of shape {flags.shape}")
+    T = check_poses("T_world_body", check_shape("T_world_body", T_world_body, (4, 4)))
+    angles = check_shape("q", q, (legs, NUM_JOINTS), ("leg", "joint"))
+    flags = check_flags("carrying", carrying, (legs,))
     each = _one_or_each("friction", friction, legs, "leg")
     feet = transform_points(T, forward_kinematics(robot, angles))
     normals = terrain.normal(feet[:, 0], feet[:, 1])
@@ -292,17 +290,10 @@ def zmp_on_plane(
     return PlaneZMP(through + shift, defined)
 
 
-def _exactly(name: str, value: ArrayLike, shape: tuple[int, ...], labels: tuple[str, ...] = ()) -> Array:
-    """Check as ``check_array`` does, and check that there are no leading axes."""
-    array = check_array(name, value, shape, labels)
-    if array.ndim != len(shape):
-        raise InvalidInputError(f"{name}: expected shape {shape}, got {array.shape}")
-    return array
-
-
 def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
     """Return values (count,) that were given as one number for all or as an array (count,)."""
-    return _exactly(name, np.full(count, value) if np.ndim(value) == 0 else value, (count,), (label,))
+    values = check_array(name, value, ())
+    return check_shape(name, np.full(count, values) if values.ndim == 0 else values, (count,), (label,))
 
 
 if not TYPE_CHECKING:  # type checkers know the new names only

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
-from hexakin.checks import Array, check_array, check_number, check_whole, checked, read_only
+from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
 from hexakin.numerics.display import short_repr
 from hexakin.robot.model import GRAVITY
@@ -89,7 +89,7 @@ class SupportRegion:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", read_only(self.vertices))
+        object.__setattr__(self, "vertices", read_only(check_shape("vertices", self.vertices, (None, 2))))
 
     @property
     def empty(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, checked
+from hexakin.checks import Array, check_array, check_arrays, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.motion.recording import Recording
 from hexakin.motion.walk_plan import WalkPlan
@@ -34,11 +34,12 @@ def zero_moment_point(p_foot: ArrayLike, foot_force: ArrayLike) -> ZMP:
     loaded feet. It does not include forces on the torso, so that it is not valid while the torso touches the ground.
     Raises InvalidInputError for a wrong shape and for a negative force.
     """
-    feet = np.asarray(p_foot, dtype=float)
-    if feet.ndim < 2 or feet.shape[-1] not in (2, 3):
+    feet = check_array("p_foot", p_foot, (None, None), ("leg", "coordinate"))
+    if feet.shape[-1] not in (2, 3):
         raise InvalidInputError(f"p_foot: expected shape (..., L, 2) or (..., L, 3), got {feet.shape}")
-    feet = check_array("p_foot", feet, feet.shape[-2:], ("leg", "coordinate"))[..., :2]
-    force = check_array("foot_force", foot_force, (feet.shape[-2],), ("leg",))
+    legs, feet = feet.shape[-2], feet[..., :2]
+    force = check_array("foot_force", foot_force, (legs,), ("leg",))
+    check_arrays(("p_foot", feet, (legs, 2)), ("foot_force", force, (legs,)))
     force = np.broadcast_to(force, np.broadcast_shapes(force.shape, feet.shape[:-1]))
     if (force < 0.0).any():
         raise InvalidInputError(f"foot_force: {force.min():g} N, expected at least 0")

@@ -169,5 +169,5 @@ def gaps(terrain: Terrain, points: ArrayLike) -> Array:
 
     They are measured along the ground's normal below each point, and are negative for points under the ground.
     """
-    x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+    x, y, z = np.moveaxis(check_positions("points", points, (3,)), -1, 0)
     return (z - terrain.height(x, y)) * terrain.normal(x, y)[..., 2]

@@ -68,6 +68,8 @@ class Blocks:
         x_min, x_max, y_min, y_max = self._tuple("extent", 4)
         for axis, begin, end in (("x", x_min, x_max), ("y", y_min, y_max)):
             check_number(f"Blocks: extent: {axis}_max", end, above=begin, unit="m")
+        longest = max(x_max - x_min, y_max - y_min)
+        check_number("Blocks: size", self.size, at_most=longest, unit="m")  # a larger one is a length in millimetres
         count = ((x_max - x_min) / self.size + 1.0) * ((y_max - y_min) / self.size + 1.0)
         if count > _MAX_BLOCKS:
             raise InvalidInputError(
@@ -150,7 +152,9 @@ class Blocks:
 
         On an edge between blocks the result is the height of the highest of these blocks.
         """
-        px, py = check_points(x, y)
+        return self._height(*check_points(x, y))
+
+    def _height(self, px: Array, py: Array) -> Array:
         # The left and the right index differ only exactly on an edge, where they are the blocks on its two sides.
         i = [np.searchsorted(self.x_edges, px, side="left"), np.searchsorted(self.x_edges, px, side="right")]
         j = [np.searchsorted(self.y_edges, py, side="left"), np.searchsorted(self.y_edges, py, side="right")]
@@ -177,7 +181,7 @@ class Blocks:
     def _distances(self, rays: Array) -> Array:
         """Return the distances (n,) [m] to the ground along rays (n, 6), each an origin and a unit vector."""
         p, d = rays[:, :3], rays[:, 3:]
-        gap = p[..., 2] - self.height(p[..., 0], p[..., 1])
+        gap = p[..., 2] - self._height(p[..., 0], p[..., 1])
         x, y, z, dx, dy, dz = (values[..., axis, None] for values in (p, d) for axis in range(3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             # The ray is split where it crosses a line of the grid; on each piece the ground is level.
@@ -188,7 +192,7 @@ class Blocks:
             passed = np.isfinite(begin)
             begin = np.where(passed, begin, 0.0)
             middle = np.where(np.isfinite(end), 0.5 * begin + 0.5 * end, begin + 1.0)
-            ground = self.height(x + middle * dx, y + middle * dy)
+            ground = self._height(x + middle * dx, y + middle * dy)
             to_top = np.maximum((ground - z) / dz, begin)
             hits_side = z + begin * dz < ground
             hits_top = (dz < 0.0) & (to_top <= end)

@@ -87,7 +87,8 @@ class Gait:
 
         ``cycle`` (...) are times as numbers of cycles.
         """
-        since = np.mod(np.asarray(cycle, dtype=float)[..., None] - np.array(self.offsets) + _ROUNDING, 1.0) - _ROUNDING
+        times = check_array("cycle", cycle, ())
+        since = np.mod(times[..., None] - np.array(self.offsets) + _ROUNDING, 1.0) - _ROUNDING
         share = since / (1.0 - self.duty_factor)
         return np.where(share < 1.0 - _ROUNDING, np.maximum(share, 0.0), np.nan)
 
@@ -106,7 +107,7 @@ def in_groups(name: str, groups: Sequence[Sequence[int]]) -> Gait:
     ``name`` is the name of the gait. Raises InvalidInputError if the groups do not contain each leg once.
     """
     legs = [leg for group in groups for leg in group]
-    if sorted(legs) != list(range(len(legs))) or not all(groups):
+    if not legs or sorted(legs) != list(range(len(legs))) or not all(len(group) for group in groups):
         expected = f"must contain each of the legs 0 to {max(len(legs), 1) - 1} once"
         raise InvalidInputError(f"gait {name!r}: groups {groups} {expected}")
     offsets = np.empty(len(legs))
@@ -136,7 +137,7 @@ def wave(robot: Robot, duty_factor: float | None = None, name: str = "wave") -> 
     outside (0, 1), and for a robot without the same number of legs on both sides.
     """
     sides = _sides(robot)
-    beta = 1.0 - 1.0 / robot.num_legs if duty_factor is None else duty_factor
+    beta = 1.0 - 1.0 / robot.num_legs if duty_factor is None else check_number("duty_factor", duty_factor)
     offsets = np.empty(robot.num_legs)
     for side, legs in enumerate(sides):
         offsets[list(legs)] = np.mod(0.5 * side + beta * np.arange(len(legs)) + _ROUNDING, 1.0) - _ROUNDING

@@ -16,6 +16,8 @@ from hexakin.checks import Array, check_array, check_number, check_whole, checke
 from hexakin.exceptions import InvalidInputError, UnknownNameError
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
+from hexakin.motion.motion import motion_of
+from hexakin.motion.recording import MOST_TICKS
 from hexakin.motion.walk_plan import WalkPlan
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
@@ -51,6 +53,8 @@ class WalkReport:
         Largest distance [m] between the planned feet and the feet computed from the joint angles.
     advance_error
         Largest difference [m] between the advance of the body in a step and the mean step of the legs.
+    fewest_standing
+        Smallest number of feet in stance. With fewer than three there is no static balance.
     """
 
     stance_drift: float
@@ -62,6 +66,7 @@ class WalkReport:
     limit_margin: float
     closure: float
     advance_error: float
+    fewest_standing: int
 
 
 @checked
@@ -209,11 +214,11 @@ def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
 
     Measures of joint angles are NaN if no target of the plan is reachable.
     """
+    body_foot = motion_of(robot, plan).p_body_foot
     held = plan.stance[1:] & plan.stance[:-1]
     moved = np.linalg.norm(np.diff(plan.p_world_foot, axis=0), axis=-1)
     swung = np.where(plan.stance, np.inf, plan.clearance)
     at, leg = np.unravel_index(int(np.argmin(swung)), swung.shape)
-    body_foot = transform_points(inverse_pose(plan.T_world_body), plan.p_world_foot)
     usable = np.where(plan.reachable[..., None], plan.q, 0.0)
     gap = np.linalg.norm(forward_kinematics(robot, usable) - body_foot, axis=-1)[plan.reachable]
     margin = np.minimum(plan.q - robot.q_min, robot.q_max - plan.q)[plan.reachable]
@@ -232,6 +237,7 @@ def check_plan(robot: Robot, plan: WalkPlan) -> WalkReport:
         limit_margin=-_largest(-margin),
         closure=_largest(gap),
         advance_error=float(np.abs(advance - mean_step).max()),
+        fewest_standing=int(plan.stance.sum(axis=1).min()),
     )
 
 
@@ -257,6 +263,9 @@ def _check(arguments: dict[str, Any]) -> Gait:
         )
     check_whole("num_steps", a["num_steps"], at_least=1)
     check_whole("samples_per_step", a["samples_per_step"], at_least=2 * gait.phases_per_cycle)
+    samples = a["num_steps"] * a["samples_per_step"]
+    if samples > MOST_TICKS:
+        raise InvalidInputError(f"num_steps, samples_per_step: {samples} samples, expected at most {MOST_TICKS}")
     if check_whole("first_group", a["first_group"]) >= gait.phases_per_cycle:
         raise InvalidInputError(f"first_group: {a['first_group']}, but {gait.name} has {gait.phases_per_cycle} groups")
     check_number("step_length", a["step_length"], at_least=0.0, unit="m")
@@ -283,7 +292,7 @@ def _check(arguments: dict[str, Any]) -> Gait:
         if a["body_orientation"] not in ORIENTATIONS:
             raise UnknownNameError("body_orientation", a["body_orientation"], [*ORIENTATIONS, "an array of angles"])
     else:
-        n = a["num_steps"] * a["samples_per_step"] + 1
+        n = samples + 1
         rpy = check_array("body_orientation", a["body_orientation"], (3,), ("angle",))
         if rpy.shape not in ((3,), (n, 3)):
             raise InvalidInputError(f"body_orientation: expected shape (3,) or ({n}, 3), got {rpy.shape}")

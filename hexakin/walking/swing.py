@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, checked
+from hexakin.checks import Array, check_arrays, check_number, checked
 from hexakin.numerics.display import short_repr
 
 
@@ -17,8 +17,8 @@ def bezier(control: ArrayLike, phase: ArrayLike) -> Array:
     ``control`` (..., 4, 3) [m] are the control points. ``phase`` (...) in [0, 1], the share t / t_g of the swing,
     broadcasts against the leading axes.
     """
-    p = np.asarray(control, dtype=float)
-    t = np.asarray(phase, dtype=float)[..., None]
+    p, t = check_arrays(("control", control, (4, 3)), ("phase", phase, ()))
+    t = t[..., None]
     u = 1.0 - t
     # A(19) in Bernstein form
     return u**3 * p[..., 0, :] + 3 * u**2 * t * p[..., 1, :] + 3 * u * t**2 * p[..., 2, :] + t**3 * p[..., 3, :]
@@ -35,11 +35,10 @@ def swing_control_points(
     ``forward`` (3,). They are raised by 4/3 of ``apex`` [m], so that a level swing rises by ``apex``. The paper prints
     h/3, which gives an apex of h/4, but calls h the maximum height.
     """
-    p0 = np.asarray(start, dtype=float)
-    f, up = np.asarray(forward, dtype=float), np.array([0.0, 0.0, 4.0 / 3.0 * apex])
-    return np.stack(
-        [p0, p0 + stride / 4 * f + up, p0 + 3 * stride / 4 * f + up, p0 + np.asarray(displacement)], axis=-2
-    )
+    p0, way, f = check_arrays(("start", start, (3,)), ("displacement", displacement, (3,)), ("forward", forward, (3,)))
+    up = np.array([0.0, 0.0, 4.0 / 3.0 * check_number("apex", apex)])
+    ahead = check_number("stride", stride) / 4 * f
+    return np.stack(np.broadcast_arrays(p0, p0 + ahead + up, p0 + 3 * ahead + up, p0 + way), axis=-2)
 
 
 class StepGeometry(NamedTuple):
@@ -71,7 +70,8 @@ class StepGeometry(NamedTuple):
 
 def step_geometry(start: ArrayLike, end: ArrayLike) -> StepGeometry:
     """Geometry of the steps from ``start`` to ``end``, both (..., 3) [m], by B(17)-(21)."""
-    dx, dy, dz = np.moveaxis(np.asarray(end, dtype=float) - np.asarray(start, dtype=float), -1, 0)
+    first, last = check_arrays(("start", start, (3,)), ("end", end, (3,)))
+    dx, dy, dz = np.moveaxis(last - first, -1, 0)
     plan_length = np.hypot(dx, dy)  # B(18)
     length = np.hypot(plan_length, dz)  # B(20)
     # B(17), B(19), B(21)
@@ -85,11 +85,13 @@ def adapted_cycloid(start: ArrayLike, end: ArrayLike, phase: ArrayLike, arch: Ar
     B(22) is 2 pi times it. ``arch`` (...) is a factor, without unit, on the height of the cycloid; this height is 2 R
     and is measured at right angles to the step. ``phase`` and ``arch`` broadcast against the leading axes.
     """
-    p0, step = np.asarray(start, dtype=float), step_geometry(start, end)
-    angle = 2.0 * np.pi * np.asarray(phase, dtype=float)
+    p0, p1, share, factor = check_arrays(
+        ("start", start, (3,)), ("end", end, (3,)), ("phase", phase, ()), ("arch", arch, ())
+    )
+    step, angle = step_geometry(p0, p1), 2.0 * np.pi * share
     # B(22)
     x = step.radius * (angle - np.sin(angle))
-    z = np.asarray(arch, dtype=float) * step.radius * (1.0 - np.cos(angle))
+    z = factor * step.radius * (1.0 - np.cos(angle))
     # B(23) for column vectors: Rz(yaw) Ry(-slope) (x, 0, z)
     out, up = x * np.cos(step.slope) - z * np.sin(step.slope), x * np.sin(step.slope) + z * np.cos(step.slope)
     return p0 + np.stack(np.broadcast_arrays(out * np.cos(step.yaw), out * np.sin(step.yaw), up), axis=-1)
@@ -101,4 +103,5 @@ def stance_line(start: ArrayLike, displacement: ArrayLike, phase: ArrayLike) -> 
     ``start`` (..., 3) [m] is the beginning of the path and ``displacement`` (..., 3) [m] leads to its end. ``phase``
     (...) in [0, 1] is the completed share of the path.
     """
-    return np.asarray(start, dtype=float) + np.asarray(phase, dtype=float)[..., None] * np.asarray(displacement)
+    p0, way, share = check_arrays(("start", start, (3,)), ("displacement", displacement, (3,)), ("phase", phase, ()))
+    return p0 + share[..., None] * way

@@ -23,7 +23,7 @@ def measure(quick=False):
     """Return one row."""
     robot, ramp = hk.load_robot("hwr"), hk.terrain.Ramp(heading=0.0)
     plan = hk.plan_walk(robot, ramp, num_steps=INSTANTS // 40, step_length=0.05, samples_per_step=40)
-    motion = cut(motion_of(plan), slice(0, INSTANTS))
+    motion = cut(motion_of(robot, plan), slice(0, INSTANTS))
     pairs = [cut(motion, slice(max(k - 1, 0), k + 1)) for k in range(INSTANTS)]  # a speed needs the instant before
 
     def at_once():
