@@ -102,6 +102,12 @@ def saved() -> Path:
 
 
 @cache
+def elevation() -> Path:
+    np.savez(folder() / "ground.npz", x=GRID, y=GRID, z=np.zeros((9, 9)))
+    return folder() / "ground.npz"
+
+
+@cache
 def plan() -> hk.WalkPlan:
     return hk.plan_walk(hk.load_robot("hwr"), Plane(), num_steps=2, samples_per_step=10)
 
@@ -430,6 +436,8 @@ SPECIAL = {
     "walk.num_cycles": lambda: 1,
     "way_to_ground.direction": lambda: np.array([0.0, 0.0, 1.0]),
     "LegCurves.displacement.s": lambda: np.zeros((2, 6)),
+    "HeightField.from_file.path": elevation,
+    "scenario_of.name": lambda: "ramp",
     "PostureRun.control_rate": lambda: 20.0,
     "PostureRun.observation": observation,
     "Sliders.posture": lambda: lambda values, q_before: hk.sliders.posture_of_leg(robot(), 1, values),
