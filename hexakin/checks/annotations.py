@@ -157,11 +157,11 @@ def _instance(cls: Any) -> _Kind:
 
 def _array(arguments: tuple[Any, ...]) -> _Kind:
     """An array, or what NumPy makes an array of, with elements that NumPy converts without a loss."""
-    element = (typing.get_args(arguments[1]) or (np.generic,))[0] if len(arguments) == 2 else np.generic
-    known = [
-        (letters, text) for kind, letters, text in _ELEMENTS if inspect.isclass(element) and issubclass(element, kind)
-    ]
-    letters, text = known[0] if known else ("biufcUSmMO", "values")
+    element = (*(typing.get_args(arguments[1]) if len(arguments) == 2 else ()), None)[0]
+    letters, text = "biufcUSmMO", "values"
+    for cls, its_letters, its_text in _ELEMENTS:
+        if inspect.isclass(element) and issubclass(element, cls):
+            letters, text = its_letters, its_text
 
     def holds(value: Any) -> bool:
         if isinstance(value, np.ndarray):
