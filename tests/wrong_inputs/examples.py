@@ -469,6 +469,19 @@ SPECIAL = {
 }
 
 
+LONG = {
+    f"{function}.{argument}": ("thousand", "in millimetres")
+    for function, argument in (
+        ("simulate", "duration"),
+        ("simulate", "settling_time"),
+        ("simulate_walk", "num_cycles"),
+        ("commanded_walk", "num_cycles"),
+        ("gain_grid", "count"),
+    )
+}
+"""Calls that ask for long work, such as a walk of 1000 s; they are right, and are not made."""
+
+
 @cache
 def hwr() -> hk.Robot:
     return hk.load_robot("hwr")
@@ -510,6 +523,11 @@ def call_of(name: str) -> tuple[Callable[..., object], dict[str, Callable[[], ob
         if maker is not None:
             makers[parameter.name] = maker
     return public, makers
+
+
+def is_long(name: str, parameter: str, kind: str) -> bool:
+    """Whether a call asks for long work; see ``LONG``."""
+    return kind in LONG.get(f"{_short(name)}.{parameter}", ())
 
 
 def parameters_of(name: str) -> list[str]:

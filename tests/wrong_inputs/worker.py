@@ -44,7 +44,8 @@ def all_calls():
         _, makers = examples.call_of(name)
         for parameter in examples.parameters_of(name):
             own = [kind for kind, _ in values.derived(makers[parameter]())] if parameter in makers else []
-            calls += [[name, parameter, kind] for kind in (*values.GENERAL, *own)]
+            kinds = [kind for kind in (*values.GENERAL, *own) if not examples.is_long(name, parameter, kind)]
+            calls += [[name, parameter, kind] for kind in kinds]
     return calls
 
 
