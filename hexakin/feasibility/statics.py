@@ -81,9 +81,11 @@ def static_problem(
     check_whole("facets", facets, at_least=3)
     n, num_legs = carrying.shape
     normal = check_array("normals", normals, (3,), ("coordinate",))
-    if normal.shape not in ((3,), (n, num_legs, 3)):
-        raise InvalidInputError(f"normals: expected shape (3,) or ({n}, {num_legs}, 3), got {normal.shape}")
-    normal = np.broadcast_to(normal, (n, num_legs, 3))
+    try:
+        normal = np.broadcast_to(normal, (n, num_legs, 3))
+    except ValueError as error:
+        expected = f"(3,) or ({n}, {num_legs}, 3)"
+        raise InvalidInputError(f"normals: expected shape {expected}, got {normal.shape}") from error
     if np.abs(np.linalg.norm(normal, axis=-1) - 1.0).max(initial=0.0) > 1e-6:
         raise InvalidInputError("normals: expected unit vectors")
     R = T_world_body[:, :3, :3]
