@@ -77,10 +77,9 @@ def animate(
         Legs have the same colours as in the figures. A leg without angles, whose foot is out of reach, keeps its last
         pose; a red ball shows where the foot should be, and the heading of the page names the instants.
     """
-    factor = check_number("speed", speed, at_least=1e-3, at_most=1e3)
     if not isinstance(follow, bool):
         raise InvalidInputError(f"follow: expected True or False, got {follow!r:.80}")
-    return Animation(make_scene(robot, motion, terrain, show, follow), factor, follow)
+    return Animation(make_scene(robot, motion, terrain, show, follow), speed, follow)
 
 
 @checked
@@ -89,12 +88,15 @@ class Animation:
     """An animation, as `animate` returns it: a notebook shows it, and `save` writes it to a file.
 
     ``scene`` contains all that is shown; ``speed`` is the walk's speed in the animation, as a multiple of the real
-    speed; ``follow`` is whether the camera follows the robot.
+    speed; ``follow`` is whether the camera follows the robot. Raises InvalidInputError for a speed out of its range.
     """
 
     scene: Scene
     speed: float
     follow: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "speed", check_number("speed", self.speed, at_least=1e-3, at_most=1e3))
 
     def __repr__(self) -> str:
         return f"<Animation of {self.scene.title}, {self.scene.time[-1] - self.scene.time[0]:.3g} s>"

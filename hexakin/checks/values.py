@@ -266,11 +266,15 @@ def check_function(name: str, function: Callable[..., Any], *arguments: str) -> 
         raise InvalidInputError(f"{name}: expected a function of {', '.join(arguments)}, got {shown(function)}")
 
 
-def check_columns(name: str, table: Any, columns: Iterable[str]) -> None:
+def check_columns(name: str, table: Any, columns: Iterable[str], numbers: Iterable[str] = ()) -> None:
     """Raise InvalidInputError, which names the columns, if the DataFrame ``table`` lacks some of ``columns``.
 
-    ``name`` is the argument's name in the message.
+    The columns ``numbers`` must consist of numbers, unless the table has no rows. ``name`` is the argument's name in
+    the message.
     """
     missing = [column for column in dict.fromkeys(columns) if column not in table.columns]
     if missing:
         raise InvalidInputError(f"{name}: missing columns {', '.join(missing)}")
+    for column in numbers if len(table) else ():
+        if table[column].dtype.kind not in "biuf":
+            raise InvalidInputError(f"{name}: column {column}: expected numbers, got {shown(table[column].iloc[0])}")

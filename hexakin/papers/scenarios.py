@@ -26,6 +26,8 @@ from hexakin.terrain import Blocks, Ramp, Terrain
 NUM_CYCLES = 24
 """Gait cycles of a walk. With t_g = 1 s, this number gives the paper's median height under simple control."""
 
+_MOST_CYCLES = 200  # a testbed ends after about 30
+
 DIGITS = 6  # significant digits of the numbers in a table
 
 _PERCENTILES = {"min": 0, "lower": 25, "median": 50, "upper": 75, "max": 100}
@@ -64,6 +66,7 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 
+@checked
 def scenario_of(name: str) -> Scenario:
     """Return the scenario called ``name``. Raises UnknownNameError."""
     if name not in SCENARIOS:
@@ -139,7 +142,7 @@ def simulate_walk(
     seed, layout
         ``seed`` draws the start and the triples of feet of the controller; ``layout`` draws the blocks of the testbed.
     num_cycles
-        Number of gait cycles.
+        Number of gait cycles, at most 200.
     stride, apex
         Stride [m] and height of a swing [m]; None is the scenario's apex.
     start_from, reading
@@ -157,7 +160,8 @@ def simulate_walk(
     place = scenario_of(scenario)
     if missing := [name for name in GAINS if name not in gains]:
         raise InvalidInputError(f"gains: no value for {', '.join(missing)}")
-    check_whole("num_cycles", num_cycles, at_least=1)
+    check_whole("num_cycles", num_cycles, at_least=1, at_most=_MOST_CYCLES)
+    check_number("reference_offset", reference_offset, at_least=-1.0, at_most=1.0, unit="m")
     if layout != 0 and not place.has_layouts:
         raise InvalidInputError(f"layout: {layout}, but scenario {scenario!r} has one layout only, 0")
     ground = place.terrain(layout)
@@ -286,13 +290,14 @@ def _tilt(recording: Recording, ground: Terrain) -> tuple[Array, Array]:
 def _changed(robot: Robot, servo_rate: float | None, foot_radius: float | None, mount_scale: float) -> Robot:
     """Return the robot with the changes that ``simulate_walk`` describes."""
     if servo_rate is not None:
+        check_number("servo_rate", servo_rate, at_least=0.1, at_most=1e4, unit="1/s")
         robot = replace(robot, servo=replace(robot.servo, rate=servo_rate))
     if foot_radius is not None:
         check_number("foot_radius", foot_radius, above=0.0, at_most=1.0, unit="m")
         size = np.full(3, 2.0 * foot_radius)
         inertia = 0.4 * robot.foot.mass * foot_radius**2 * np.eye(3)  # a solid sphere
         robot = replace(robot, foot=replace(robot.foot, size=size, inertia=inertia))
-    if check_number("mount_scale", mount_scale, above=0.0) != 1.0:
+    if check_number("mount_scale", mount_scale, at_least=0.1, at_most=10.0) != 1.0:
         legs = tuple(Leg(leg.name, {**leg.values, "l_1": mount_scale * leg.values["l_1"]}) for leg in robot.legs)
         robot = replace(robot, legs=legs)
     return robot

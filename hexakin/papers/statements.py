@@ -199,7 +199,7 @@ def counts(verdicts: pd.DataFrame) -> pd.DataFrame:
     ``verdicts`` is a table of the function ``verdicts``. The columns are named as in ``verdict_table``. Raises
     InvalidInputError for missing columns.
     """
-    check_columns("verdicts", verdicts, ["engine", "time_step", "verdict"])
+    check_columns("verdicts", verdicts, ["verdict"])
     named, cases = _cases(verdicts)
     table = pd.crosstab(named["verdict"], named["case"])
     return table.reindex(index=list(VERDICTS), columns=cases, fill_value=0)
@@ -213,7 +213,8 @@ def verdict_table(verdicts: pd.DataFrame) -> str:
     an engine that ran with several time steps. The cells contain the effect with its 5th and 95th percentile, each to
     three significant digits, and the verdict. Raises InvalidInputError for missing columns.
     """
-    check_columns("verdicts", verdicts, ["id", "figure", "scenario", "claim", "engine", "time_step", *_SHOWN])
+    numbers = ["effect", "low", "high"]
+    check_columns("verdicts", verdicts, ["id", "figure", "scenario", "claim", "verdict", "unit", *numbers], numbers)
     named, cases = _cases(verdicts)
     lines = [f"| figure | the paper says | {' | '.join(cases)} |", "|" + " --- |" * (2 + len(cases))]
     for _, group in named.groupby("id", sort=False):
@@ -226,6 +227,9 @@ def verdict_table(verdicts: pd.DataFrame) -> str:
 
 def _cases(verdicts: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Add the column ``case``: the engine, with the time step if there are several; also return all cases in order."""
+    check_columns("verdicts", verdicts, ["engine", "time_step"], ["time_step"])
+    if verdicts[["engine", "time_step"]].isna().any(axis=None):
+        raise InvalidInputError("verdicts: engine or time_step is missing in a row")
     steps = verdicts.groupby("engine")["time_step"].nunique()
     names = {
         (engine, step): engine if steps[engine] == 1 else f"{engine}, {1e3 * step:.6g} ms"

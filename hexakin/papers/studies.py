@@ -15,14 +15,14 @@ from hexakin.study.tables import Scalar
 Engine = Literal["rigid", "pybullet"]
 ENGINES: tuple[Engine, ...] = ("rigid", "pybullet")
 
-_MOST_REPEATS = 1000
+_MOST_REPEATS = 500  # over a hundred thousand walks of gain_grid, weeks of computing
 
 
 @checked
 def repeats(scenario: str, count: int) -> list[dict[str, int]]:
     """``count`` repeats in a ``scenario``: starts on the ramp; layouts, each with its own start, on the testbed.
 
-    Raises UnknownNameError for an unknown scenario, and InvalidInputError unless ``count`` is from 1 to 1000.
+    Raises UnknownNameError for an unknown scenario, and InvalidInputError unless ``count`` is from 1 to 500.
     """
     layouts = scenario_of(scenario).has_layouts
     check_whole("count", count, at_least=1, at_most=_MOST_REPEATS)

@@ -20,6 +20,8 @@ MIN_AGREEMENT = 0.9
 KEY = ("scenario", *GAINS, "engine", "time_step", "seed", "layout")
 """Columns that together identify one run."""
 
+_NUMBERS = (*GAINS, "time_step", "seed", "layout")
+
 STATISTICS = {
     "median": ("median",),
     "iqr": ("lower", "upper"),
@@ -187,7 +189,7 @@ def columns_of(statement: Statement) -> list[str]:
 
 def check_runs(runs: pd.DataFrame, statements: list[Statement]) -> None:
     """Raise InvalidInputError if columns are missing, a run is not identified completely, or a run is given twice."""
-    check_columns("runs", runs, [*KEY, "status", *(column for s in statements for column in columns_of(s))])
+    check_columns("runs", runs, [*KEY, "status", *(column for s in statements for column in columns_of(s))], _NUMBERS)
     for column in KEY:
         if runs[column].isna().any():
             raise InvalidInputError(f"runs: {column} is missing in {int(runs[column].isna().sum())} rows")
