@@ -186,6 +186,7 @@ def _make(
     """Call the trial for all runs in ``todo``; each result is written to the journal and to ``done`` at once."""
     configured = joblib.parallel.get_active_backend()[1]
     n_jobs = jobs if jobs is not None else configured if configured is not None else -1
+    n_jobs = min(n_jobs, max(len(todo), 2))  # more processes than runs would start for nothing
     names = next((set(result) for result in done.values() if result["status"] == "ok"), None)
     interval = 0.5 if sys.stderr.isatty() else 30.0
     bar = tqdm(
