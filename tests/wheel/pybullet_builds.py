@@ -14,11 +14,11 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from environments import ROOT, built_wheel, install, interpreter, new_environment
+from environments import built_wheel, install, installed, interpreter, new_environment, uninstall
 
 BUILDS = (("3.11", "pybullet"), ("3.11", "pybullet-arm64"), ("3.13", "pybullet-arm64"))
-# What a walk needs. NumPy and SciPy are those of this Python, so that nothing but the build of PyBullet differs.
-NEEDS = [*(f"{name}=={metadata.version(name)}" for name in ("numpy", "scipy")), "pyyaml", "pydantic"]
+# NumPy and SciPy are those of this Python, so that nothing but the build of PyBullet differs.
+SAME = [f"{name}=={metadata.version(name)}" for name in ("numpy", "scipy")]
 WALK = """
 import hexakin as hk
 robot = hk.load_robot("athena")
@@ -31,8 +31,10 @@ def walk(folder: Path, wheel: Path, version: str, package: str) -> dict[str, np.
     """Simulate with a build of PyBullet in an environment of its own; return the arrays of the recording."""
     folder.mkdir()
     python = new_environment(folder / "venv", interpreter(version))
-    install(python, "--no-deps", "--constraint", ROOT / "environment.txt", wheel, package)
-    install(python, *NEEDS)
+    install(python, wheel, *SAME)
+    if not installed(python, package):  # the markers choose the official wheel on Python 3.11
+        uninstall(python, "pybullet")
+        install(python, package)
     subprocess.run([python, "-I", "-c", WALK], cwd=folder, check=True)
     with np.load(folder / "walk.npz") as stored:
         return {name: stored[name] for name in stored.files if stored[name].dtype.kind != "U"}  # "U": names, versions
