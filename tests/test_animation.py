@@ -258,7 +258,7 @@ def test_the_page_says_how_long_tiles_and_arrows_are(walk):
 
 
 def test_sides_of_blocks_face_outwards():
-    terrain = Blocks(extent=(-0.05, 0.05, -0.05, 0.05))  # one block
+    terrain = Blocks(size=0.1, extent=(-0.05, 0.05, -0.05, 0.05))  # one block
     (surface,) = ground_surfaces(terrain, np.array([[[-0.2, -0.2, 0.0], [0.2, 0.2, 0.0]]]))[-1:]
     corners = surface.vertices[surface.triangles]
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -77,8 +77,6 @@ def animate(
         Legs have the same colours as in the figures. A leg without angles, whose foot is out of reach, keeps its last
         pose; a red ball shows where the foot should be, and the heading of the page names the instants.
     """
-    if not isinstance(follow, bool):
-        raise InvalidInputError(f"follow: expected True or False, got {follow!r:.80}")
     return Animation(make_scene(robot, motion, terrain, show, follow), speed, follow)
 
 
@@ -125,11 +123,10 @@ class Animation:
         if ending not in (".html", ".gif", ".mp4"):
             raise UnknownNameError("format", ending, [".html", ".gif", ".mp4"])
         check_number("frame_rate", frame_rate, at_least=0.1, at_most=50.0, unit="1/s")
-        if not isinstance(size, tuple) or len(size) != 2:
-            raise InvalidInputError(f"size: expected (width, height), got {size!r:.80}")
         for name, pixels in zip(("width", "height"), size, strict=True):
             if check_whole(f"size: {name}", pixels, at_least=32) % 2:
                 raise InvalidInputError(f"size: {name}: {pixels}, expected an even number")
+        size = (int(size[0]), int(size[1]))
         if ending != ".html":
             self._check_frames(ending, frame_rate, size)
         with whole_file(target) as temporary:

@@ -193,8 +193,6 @@ def _short(text: str) -> str:
 
 
 def _check_show(show: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(show, str) or not isinstance(show, Sequence):
-        raise InvalidInputError(f"show: expected a tuple of names, got {show!r:.80}")
     for name in show:
         if name not in SHOWN:
             raise UnknownNameError("show", name, list(SHOWN))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import InvalidInputError, shown
 from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, compiled
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
@@ -72,7 +72,7 @@ def compile_ground(terrain: Terrain) -> Ground:
         elif isinstance(shape, TriangleMesh):
             meshes.append(shape)
         else:
-            raise InvalidInputError(f"terrain: shape {shape!r:.80} is not supported by engine 'rigid'")
+            raise InvalidInputError(f"terrain: shape {shown(shape)} is not supported by engine 'rigid'")
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes] or [np.zeros((0, 3, 3))])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)

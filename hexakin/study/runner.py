@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from hexakin.checks import check_path, checked
-from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError
+from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError, shown
 from hexakin.study.journal import KEPT, Journal, alone, set_aside, write_whole
 from hexakin.study.provenance import Trial, machine, provenance
 from hexakin.study.tables import RESERVED, Scalar, read_table, table_text
@@ -71,7 +71,9 @@ class Study:
             raise InvalidInputError(f"study: name {self.name!r}, expected letters, digits, '_' and '-'")
         here = f"study {self.name}"
         if not (inspect.isfunction(self.trial) or inspect.ismethod(self.trial)):
-            raise InvalidInputError(f"{here}: trial {self.trial!r:.80} is not a function; fixed arguments go into runs")
+            raise InvalidInputError(
+                f"{here}: trial {shown(self.trial)} is not a function; fixed arguments go into runs"
+            )
         unique: dict[str, Mapping[str, Scalar]] = {}
         for number, arguments in enumerate(self.runs, start=1):
             plain = {name: _plain(f"{here}: run {number}: {name}", value) for name, value in arguments.items()}
@@ -272,9 +274,9 @@ def _attempt(trial: Trial, key: str, arguments: Mapping[str, Scalar]) -> tuple[s
 def _measured(returned: Any, arguments: Mapping[str, Scalar]) -> dict[str, Scalar]:
     """Return the values that a trial returned, as plain values."""
     if not isinstance(returned, Mapping):
-        raise InvalidInputError(f"the trial returned {returned!r:.80}, expected a mapping of names to values")
+        raise InvalidInputError(f"the trial returned {shown(returned)}, expected a mapping of names to values")
     if odd := [name for name in returned if not isinstance(name, str)]:
-        raise InvalidInputError(f"the trial returned {odd[0]!r:.80} as a name, expected a string")
+        raise InvalidInputError(f"the trial returned {shown(odd[0])} as a name, expected a string")
     if clash := sorted({*arguments, *RESERVED} & set(returned)):
         raise InvalidInputError(f"the trial returned {', '.join(clash)}: the table already has such a column")
     return {name: _plain(f"the trial returned {name}", value, finite=False) for name, value in returned.items()}
@@ -329,7 +331,7 @@ def _plain(what: str, value: Any, *, finite: bool = True) -> Scalar:
     if hasattr(value, "item") and getattr(value, "shape", None) == ():
         value = value.item()
     if not isinstance(value, (bool, int, float, str, type(None))):
-        raise InvalidInputError(f"{what}: {value!r:.80} is not a number, a string, a boolean or None")
+        raise InvalidInputError(f"{what}: {shown(value)} is not a number, a string, a boolean or None")
     if finite and isinstance(value, float) and not math.isfinite(value):
         raise InvalidInputError(f"{what}: {value} is not finite")
     return value

@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number
 from hexakin.checks.files import check_file, opened_arrays
-from hexakin.exceptions import FileError, InvalidInputError, MissingPackageError, TerrainFileError, UnknownNameError
+from hexakin.exceptions import (
+    FileError,
+    InvalidInputError,
+    MissingPackageError,
+    TerrainFileError,
+    UnknownNameError,
+    shown,
+)
 from hexakin.terrain.base import MOST_POINTS, check_positions
 
 _LARGEST = 2**30  # [bytes] of the arrays in an archive, unpacked
@@ -44,21 +51,21 @@ def read_elevation(
     elif missing is not None:
         missing = check_number("missing", missing, unit="m")
     if (heights is None) == (ending == ".png"):
-        raise InvalidInputError(f"heights: {heights!r:.80}, expected those of black and white for .png, else None")
+        raise InvalidInputError(f"heights: {shown(heights)}, expected those of black and white for .png, else None")
     if ending == ".png" and scale is not None:
         raise InvalidInputError(f"scale: {scale}, expected None for .png, which has heights")
-    shown = None if window is None else _window(window)
+    part = None if window is None else _window(window)
     zero = origin if origin is None or isinstance(origin, str) else _numbers("origin", origin, 2)
     if isinstance(zero, str) and zero != "centre":
         raise UnknownNameError("origin", zero, ["centre"])
     try:
         check_file(path)
         if ending == ".npz":
-            x, y, z = _from_archive(path, factor, size, shown)
+            x, y, z = _from_archive(path, factor, size, part)
         elif ending == ".png":
-            x, y, z = _from_image(path, size, _numbers("heights", heights, 2), shown)
+            x, y, z = _from_image(path, size, _numbers("heights", heights, 2), part)
         else:
-            x, y, z = _from_raster(path, factor, size, shown)
+            x, y, z = _from_raster(path, factor, size, part)
     except FileError as error:
         raise TerrainFileError(str(error)) from error
     z = _without_gaps(path, x, y, z, missing)
@@ -192,7 +199,7 @@ def _from_raster(
             x, y = _axes(path, dataset, pixel)
             unit = (dataset.units[0] or "").strip()
             if scale is None and unit.lower() not in _METRES:
-                raise TerrainFileError(f"{path}: heights in the unit {unit!r:.80}; scale= converts them to metres")
+                raise TerrainFileError(f"{path}: heights in the unit {shown(unit)}; scale= converts them to metres")
             columns, rows = _part(path, x, y, window)
             values = dataset.read(1, window=((rows.start, rows.stop), (columns.start, columns.stop)), masked=True)
             z = values.astype(float).filled(np.nan) * dataset.scales[0] + dataset.offsets[0]
