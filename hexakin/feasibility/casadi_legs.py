@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array, read_only
 from hexakin.exceptions import MissingPackageError
+from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.numerics.display import short_repr
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable
 from hexakin.robot.model import SEGMENT_NAMES, Robot
@@ -33,6 +34,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "atan2": ca.atan2,
     "Max": ca.fmax,
 }
+_CHUNK = 10_000  # leg poses of one call, which takes some hundredths of a second: Ctrl-C ends it only then
 _SHAPES = {"foot": (3,), "jacobian": (3, 3), "axes": (3, 3), "knee": (3,), "moment": (3,), "moment_slope": (3, 3)}
 
 
@@ -57,6 +59,7 @@ class LegStates(NamedTuple):
 
 
 @lru_cache(maxsize=16)
+@interrupts_kept()
 def leg_function(table: LegTable) -> ca.Function:
     """CasADi function of a leg type: (q (3) [rad], constants) -> the fields of ``LegStates`` of one leg.
 
@@ -82,6 +85,7 @@ def leg_function(table: LegTable) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
+@interrupts_kept()
 def reach_function(table: LegTable) -> ca.Function:
     """CasADi function of a leg type: (foot (3) [m], parameters, side) -> slack (2) to the outer and the inner reach.
 
@@ -123,11 +127,21 @@ def leg_constants(robot: Robot) -> Array:
 def leg_states(robot: Robot, q: NDArray[np.float64]) -> LegStates:
     """Evaluate ``leg_function`` for all legs at the joint angles ``q`` (..., L, 3) [rad]."""
     flat = q.reshape(-1, NUM_JOINTS)
-    constants = np.broadcast_to(leg_constants(robot), (*q.shape[:-1], leg_constants(robot).shape[1]))
-    function = leg_function(robot.table.canonical()).map(len(flat))
-    outputs = function(flat.T, constants.reshape(len(flat), -1).T)
+    constants = leg_constants(robot)
+    step = robot.num_legs * max(1, _CHUNK // robot.num_legs)
+    tiled = np.tile(constants, (min(step, len(flat)) // robot.num_legs, 1))
+    parts = [
+        _evaluated(robot.table.canonical(), flat[start : start + step], tiled) for start in range(0, len(flat), step)
+    ]
     fields = []
-    for value, shape in zip(outputs, _SHAPES.values(), strict=True):
-        stacked = np.asarray(value).T.reshape(*q.shape[:-1], *shape)
+    for number, shape in enumerate(_SHAPES.values()):
+        stacked = np.concatenate([part[number].T for part in parts]).reshape(*q.shape[:-1], *shape)
         fields.append(stacked.swapaxes(-1, -2) if len(shape) == 2 else stacked)  # CasADi stores matrices by columns
     return LegStates(*fields)
+
+
+@interrupts_kept()
+def _evaluated(table: LegTable, q: Array, constants: Array) -> list[Array]:
+    """Outputs (rows, n) of ``leg_function`` for n angles (n, 3); ``constants`` has at least n rows."""
+    function = leg_function(table).map(len(q))
+    return [np.asarray(value) for value in function(q.T, constants[: len(q)].T)]

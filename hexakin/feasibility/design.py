@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from hexakin.checks import Array, check_number, checked
 from hexakin.exceptions import SolverError, UnknownNameError
 from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
+from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
 from hexakin.kinematics.forward import at_contact, forward_kinematics, standing_height
 from hexakin.robot.model import GRAVITY, Robot
@@ -58,6 +59,7 @@ class Design:
 
 
 @checked
+@interrupts_kept()
 def longest_stride(
     robot: Robot,
     body_height: float | None = None,
@@ -94,6 +96,7 @@ def longest_stride(
 
 
 @checked
+@interrupts_kept()
 def highest_step(
     robot: Robot,
     body_height: float | None = None,
@@ -119,6 +122,7 @@ def highest_step(
 
 
 @checked
+@interrupts_kept()
 def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> Design:
     """Posture on a slope with the largest torque margin [N m], with all feet on their standing footholds.
 
@@ -140,6 +144,7 @@ def best_posture(robot: Robot, slope: float = 0.0, *, friction: float = 0.9) -> 
 
 
 @checked
+@interrupts_kept()
 def steepest_slope(
     robot: Robot,
     body_height: float | None = None,
@@ -254,6 +259,7 @@ class _Question:
                 place = {leg: start[leg] + done[leg] * (end[leg] - start[leg]) for leg in start}
                 self.instant(place, set(start) - swinging, lift=dict.fromkeys(swinging, 4 * apex * share * (1 - share)))
 
+    @interrupts_kept()
     def instant(self, place: Mapping[int, Any], carrying: set[int], lift: Mapping[int, Any] | None = None) -> None:
         """Add an instant: each foot's distance ahead of its standing foothold, its height, and the carrying feet."""
         robot, up = self.robot, ca.DM([0.0, 0.0, 1.0])
@@ -311,9 +317,13 @@ class _Question:
         problem: dict[str, Any] = {"x": symbols, "f": -goal, "g": ca.vertcat(*(row for _, row, _, _ in self.rows))}
         quiet = {"print_level": 0, "sb": "yes", "max_iter": 500, "tol": 1e-9, "bound_relax_factor": 0.0}
         options: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": quiet}
-        solver = ca.nlpsol("design", "ipopt", problem, options)
         guess, low, high = (np.concatenate([getattr(v, of) for v in self.variables]) for of in ("guess", "low", "high"))
-        found = solver(x0=guess, lbx=low, ubx=high, lbg=row_low, ubg=row_high)
+        bounds = {"x0": guess, "lbx": low, "ubx": high, "lbg": row_low, "ubg": row_high}
+        with interrupts_kept():
+            solver = ca.nlpsol("design", "ipopt", problem, options)
+            start = {name: ca.DM(values) for name, values in bounds.items()}
+        with interrupts_kept():
+            found = solver(**start)
         status = solver.stats()["return_status"]
         if status == "Infeasible_Problem_Detected":
             return Design(float("nan"), (), nothing, feasible=False)

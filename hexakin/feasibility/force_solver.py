@@ -15,6 +15,7 @@ from scipy.optimize import linprog
 
 from hexakin.checks import Array
 from hexakin.exceptions import SolverError
+from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.feasibility.statics import StaticProblem
 from hexakin.stability.friction_pyramid import pyramid_faces
 
@@ -94,6 +95,7 @@ def _programme(problem: StaticProblem, bounded: bool, span: slice, start: Array,
     }
 
 
+@interrupts_kept()
 def optimum(programme: dict[str, Array], name: str) -> tuple[Array, Array]:
     """Optimal y (n, k) and cost (n,) of the quadratic programs."""
     constant = programme.pop("constant")
