@@ -164,10 +164,9 @@ def _array(arguments: tuple[Any, ...]) -> _Kind:
             letters, text = its_letters, its_text
 
     def holds(value: Any) -> bool:
-        if isinstance(value, np.ndarray):
-            return value.dtype.kind in letters
         try:
-            return np.asarray(value).dtype.kind in letters
+            array = np.asarray(value)
+            return array.dtype.kind in letters or array.size == 0
         except Exception:  # an object may raise anything when it is converted
             return False
 

@@ -68,8 +68,9 @@ class Blocks:
         x_min, x_max, y_min, y_max = self._tuple("extent", 4)
         for axis, begin, end in (("x", x_min, x_max), ("y", y_min, y_max)):
             check_number(f"Blocks: extent: {axis}_max", end, above=begin, unit="m")
-        longest = max(x_max - x_min, y_max - y_min)
-        check_number("Blocks: size", self.size, at_most=longest, unit="m")  # a larger one is a length in millimetres
+        # One block may be larger than the extent; a thousand times larger, it is a length in millimetres.
+        most = 10.0 * max(x_max - x_min, y_max - y_min)
+        check_number("Blocks: size", self.size, at_most=most, unit="m")
         count = ((x_max - x_min) / self.size + 1.0) * ((y_max - y_min) / self.size + 1.0)
         if count > _MAX_BLOCKS:
             raise InvalidInputError(
