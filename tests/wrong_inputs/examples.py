@@ -513,6 +513,9 @@ def call_of(name: str) -> tuple[Callable[..., object], dict[str, Callable[[], ob
         public = getattr(made, public.__name__)
     makers = {}
     for parameter in inspect.signature(public).parameters.values():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            own = f"{_short(name)}."
+            makers |= {key.removeprefix(own): maker for key, maker in SPECIAL.items() if key.startswith(own)}
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             continue
         maker = SPECIAL.get(f"{_short(name)}.{parameter.name}")
