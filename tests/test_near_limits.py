@@ -44,7 +44,7 @@ def test_slip_is_the_way_of_a_loaded_foot_in_stance_since_its_first_loaded_tick(
         foot_force=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0]]),
         extending=np.array([0, 0, 0, 0, 1, 1], dtype=bool),
     )  # fmt: skip
-    np.testing.assert_allclose(near_limits.slips(recording), [1.0, 0.0])
+    np.testing.assert_allclose(near_limits.slips.__wrapped__(recording), [1.0, 0.0])
 
 
 def made_up(margin):

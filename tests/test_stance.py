@@ -280,7 +280,7 @@ def test_where_nothing_presses_on_the_plane_the_zmp_is_undefined():
         ("friction", -0.1, "Contacts: friction: contact 1 has -0.1, expected at least 0"),
         ("friction", [0.1, 0.2, np.inf, 0.1], "Contacts: friction: contact 3 is inf"),
         ("friction", [0.1, 0.2], r"Contacts: friction: expected shape"),
-        ("friction", "high", "Contacts: friction: expected numbers"),
+        ("friction", "high", "friction: expected an array of numbers"),
         ("center_of_mass", [0.0, 0.0], "Contacts: center_of_mass: expected shape"),
         ("mass", 0.0, "Contacts: mass: 0 kg, expected above 0"),
         ("torque_rows", np.zeros((4, 6, 3)), "expected both or neither"),

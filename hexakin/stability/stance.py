@@ -292,7 +292,7 @@ def zmp_on_plane(
 
 def _one_or_each(name: str, value: ArrayLike, count: int, label: str) -> Array:
     """Return values (count,) that were given as one number for all or as an array (count,)."""
-    values = check_array(name, value, ())
+    values = check_array(name, value, (), finite=False)
     return check_shape(name, np.full(count, values) if values.ndim == 0 else values, (count,), (label,))
 
 
