@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hexakin.exceptions import HexakinError, MissingPackageError, StudyError, UnknownNameError, exit_code
+from hexakin.exceptions import HexakinError, MissingPackageError, StudyError, UnknownNameError, exit_code, shown
 from hexakin.installation import __version__
 
 if TYPE_CHECKING:
@@ -141,7 +141,9 @@ def _imported(name: str) -> Study:
         known = [f"{module_name}:{other}" for other, value in vars(module).items() if isinstance(value, Study)]
         raise UnknownNameError("study", name, known or [f"none in {module_name}"])
     if not isinstance(found, Study):
-        raise StudyError(f"study {name}: expected a hexakin.study.Study or a function returning one, got {found!r:.80}")
+        raise StudyError(
+            f"study {name}: expected a hexakin.study.Study or a function returning one, got {shown(found)}"
+        )
     return found
 
 

@@ -34,6 +34,21 @@ class Standing:
         return hk.Command(self.robot.standing_q, stance, 0, **self.answer)
 
 
+class Silent:
+    """An object that cannot be printed."""
+
+    def __repr__(self):
+        raise RuntimeError("no text")
+
+
+def deep(levels):
+    """Lists in lists, in more levels than JSON can have."""
+    value = []
+    for _ in range(levels):
+        value = [value]
+    return {"gait": value}
+
+
 def still(robot, **options):
     return {"time_step": 0.001, "duration": 1.0, "perturbation": 0.0, **options}
 
@@ -155,10 +170,14 @@ def test_a_torque_beyond_the_servos_limit_is_cut_to_it(athena, engine):
         ({"q": np.full((6, 3), np.nan)}, "q: leg 1, joint 1 is nan"),
         ({"stance": np.ones(6)}, "stance: expected 6 booleans, got float64"),
         ({"stance": np.ones(4, dtype=bool)}, "stance: expected 6 booleans"),
+        ({"stance": None}, "stance: expected 6 booleans, got object"),
+        ({"stance": [[True], [True, False]]}, "stance: expected 6 booleans, got "),
         ({"phase": 0.5}, "phase: 0.5, expected a whole number"),
         ({"phase": -1}, "phase: -1, expected a whole number of at least 0"),
         ({"phase": 2**40}, "phase: 1099511627776, expected at most"),
+        ({"phase": 10**5000}, "phase: a value of type int, expected a whole number"),
         ({"extending": "no"}, "extending: 'no', expected True or False"),
+        ({"extending": Silent()}, "extending: a value of type Silent, expected True or False"),
         ({"kp": np.full((6, 3), -1.0)}, "kp: -1, expected at least 0"),
         ({"torque": np.zeros(18)}, "torque: expected shape"),
         ({"diagnostics": {"speed": "fast"}}, "diagnostics: speed: expected a number, got 'fast'"),
@@ -169,6 +188,8 @@ def test_a_torque_beyond_the_servos_limit_is_cut_to_it(athena, engine):
         ({"diagnostics": {"height": 1.0}}, "diagnostics: 'height': a recording has a member of that name"),
         ({"diagnostics": {"save": 1.0}}, "diagnostics: 'save': a recording has a member of that name"),
         ({"diagnostics": 1.0}, "diagnostics: 1.0, expected a mapping"),
+        ({"diagnostics": {"speed": 10**5000}}, "diagnostics: speed: a value of type int is too large"),
+        ({"diagnostics": {Silent(): 1.0}}, "diagnostics: a value of type Silent as a name"),
     ],
 )
 def test_a_command_that_cannot_be_used_names_the_controller_and_the_field(athena, change, message):
@@ -186,7 +207,7 @@ def test_what_is_no_command_and_diagnostics_that_come_and_go_are_named(athena):
     wrong = Standing(athena)
     wrong.command = lambda observation: athena.standing_q
     options = {"engine": "rigid", **still(athena, duration=0.2, settling_time=0.1)}
-    with pytest.raises(InvalidInputError, match=r"expected a hexakin\.Command, got array"):
+    with pytest.raises(InvalidInputError, match=r"expected a hexakin\.Command, got an array \(6, 3\)"):
         hk.simulate(athena, hk.terrain.Plane(), wrong, **options)
     stance = np.ones(6, dtype=bool)
     wrong.command = lambda o: hk.Command(athena.standing_q, stance, 0, diagnostics={"a": 1.0} if o.time else {})
@@ -221,6 +242,11 @@ def test_a_command_is_copied_and_an_observation_may_be_written_into(athena):
         ({"phases_per_cycle": 0}, "Standing: phases_per_cycle: 0, expected a whole number of at least 1"),
         ({"parameters": lambda: {"gait": {1, 2}}}, r"Standing: \{1, 2\} cannot be stored with a recording"),
         ({"parameters": lambda: 3}, "Standing: "),
+        ({"parameters": lambda: {"gait": Silent()}}, "Standing: a value of type Silent cannot be stored"),
+        ({"parameters": lambda: deep(100_000)}, "Standing: "),
+        ({"start": lambda observation: None}, "Standing: start: expected a function of observation, control_rate"),
+        ({"parameters": lambda unit: {}}, "Standing: parameters: expected a function of"),
+        ({"check_control_rate": lambda: None}, "Standing: check_control_rate: expected a function of control_rate"),
     ],
 )
 @pytest.mark.parametrize("walk", ["simulate", "commanded_walk"])
@@ -233,6 +259,18 @@ def test_a_controller_that_cannot_be_used_is_named_before_the_walk(athena, walk,
         else:
             commanded_walk(wrong, ground)
     assert not wrong.seen
+
+
+@pytest.mark.parametrize("run", [None, 1.0, Silent()])
+def test_a_start_that_returns_no_run_is_named(athena, run):
+    """Such as a method ``start`` that ends without ``return self``."""
+    wrong, ground = Standing(athena), hk.terrain.Plane()
+    wrong.start = lambda observation, control_rate: run
+    message = "controller: start of Standing: .* has no method 'command'"
+    with pytest.raises(InvalidInputError, match=message):
+        commanded_walk(wrong, ground)
+    with pytest.raises(InvalidInputError, match=message):
+        hk.simulate(athena, ground, wrong, engine="rigid", **still(athena, duration=0.1, settling_time=0.1))
 
 
 def test_a_commanded_walk_ends_even_if_the_controller_does_not(athena):

@@ -61,6 +61,20 @@ def test_strokes_that_cannot_be_made_are_refused_by_leg(athena):
         SteeringController(athena, "forwards")
 
 
+@pytest.mark.parametrize(
+    "twist", ["forwards", ("0.01", "0", "0"), (0.0, 0.0), (10**400, 0, 0), [[0.0], [1.0, 2.0]], 1j]
+)
+def test_commands_that_are_not_three_numbers_are_named(athena, twist):
+    for given in (twist, lambda time: twist):
+        with pytest.raises(InvalidInputError, match=r"twist: expected .*Twist"):
+            SteeringController(athena, given).command_at(0.0)
+
+
+def test_a_function_of_something_else_than_time_is_no_command(athena):
+    with pytest.raises(InvalidInputError, match="twist: expected a function of time"):
+        SteeringController(athena, lambda: Twist(0.01))
+
+
 def walked(robot, controller, cycles, **options):
     return hk.simulate(
         robot, PLANE, controller, engine="rigid", time_step=0.002, max_cycles=cycles, duration=60.0, **options

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.lib import format as npy
 
-from hexakin.exceptions import FileError
+from hexakin.exceptions import FileError, shown
 
 DEEPEST = 32
 """Allowed levels of nesting in YAML and JSON; robot files and parameters of recordings have about six."""
@@ -169,7 +169,7 @@ def _headers(archive: zipfile.ZipFile, most: int) -> dict[str, Header]:
     for member in members:
         name = member.filename.removesuffix(".npy")
         if name == member.filename or name in headers:
-            raise _Refused(f"{member.filename!r:.80} is no array, or is contained twice")
+            raise _Refused(f"{shown(member.filename)} is no array, or is contained twice")
         with archive.open(member) as stream:
             if (version := npy.read_magic(stream)) != (1, 0):  # a header of version 1 has at most 64 kB
                 raise _Refused(f"{name}: format {version} of arrays, expected (1, 0)")
@@ -177,7 +177,7 @@ def _headers(archive: zipfile.ZipFile, most: int) -> dict[str, Header]:
             if dtype.hasobject or dtype.kind not in "biufU":
                 raise _Refused(f"{name}: elements of {dtype!s:.40}, expected numbers, flags or text")
             if not all(0 <= length <= most for length in shape):
-                raise _Refused(f"{name}: impossible shape {shape!r:.80}")
+                raise _Refused(f"{name}: impossible shape {shown(shape)}")
             if stream.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
                 raise _Refused(f"{name}: shape {shape} of {dtype} contradicts its size of {member.file_size} bytes")
         headers[name] = Header(shape, dtype)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked
+from hexakin.checks import Array, check_array, check_function, check_number, check_shape, check_whole, checked
 from hexakin.exceptions import InvalidInputError, shown
 from hexakin.motion.recording import Recording, as_json
 from hexakin.numerics.display import short_repr
@@ -122,7 +122,7 @@ def check_command(command: object, num_legs: int) -> Command:
     that are no numbers or whose names cannot be columns of a recording.
     """
     if not isinstance(command, Command):
-        raise InvalidInputError(f"expected a hexakin.Command, got {command!r:.80}")
+        raise InvalidInputError(f"expected a hexakin.Command, got {shown(command)}")
     shape, given = (num_legs, NUM_JOINTS), command._asdict()
     for name in ("q", "torque", "kp", "kd"):
         if given[name] is not None:
@@ -131,18 +131,22 @@ def check_command(command: object, num_legs: int) -> Command:
         if given[name] is not None and (given[name] < 0.0).any():
             raise InvalidInputError(f"{name}: {given[name].min():g}, expected at least 0")
     for name in ("stance", "limited"):
-        flags = np.zeros(num_legs, dtype=bool) if given[name] is None else np.array(given[name])
+        absent = name == "limited" and given[name] is None
+        try:
+            flags = np.zeros(num_legs, dtype=bool) if absent else np.array(given[name])
+        except Exception as error:  # an object may raise anything when it is converted
+            raise InvalidInputError(f"{name}: expected {num_legs} booleans, got {shown(given[name])}") from error
         if flags.shape != (num_legs,) or flags.dtype != bool:
             raise InvalidInputError(f"{name}: expected {num_legs} booleans, got {flags.dtype} of shape {flags.shape}")
         given[name] = flags
     if not isinstance(command.extending, (bool, np.bool_)):
-        raise InvalidInputError(f"extending: {command.extending!r:.80}, expected True or False")
+        raise InvalidInputError(f"extending: {shown(command.extending)}, expected True or False")
     given["extending"] = bool(command.extending)
     given["phase"] = check_whole("phase", command.phase)
     if given["phase"] > _LARGEST_PHASE:
-        raise InvalidInputError(f"phase: {command.phase}, expected at most {_LARGEST_PHASE}")
+        raise InvalidInputError(f"phase: {given['phase']}, expected at most {_LARGEST_PHASE}")
     if not isinstance(command.diagnostics, Mapping):
-        raise InvalidInputError(f"diagnostics: {command.diagnostics!r:.80}, expected a mapping of names to numbers")
+        raise InvalidInputError(f"diagnostics: {shown(command.diagnostics)}, expected a mapping of names to numbers")
     given["diagnostics"] = {name: _number(name, value) for name, value in command.diagnostics.items()}
     return Command(**given)
 
@@ -174,19 +178,37 @@ def check_controller(controller: Any, control_rate: float) -> dict[str, Any]:
         raise InvalidInputError(
             f"controller: expected one such as hexakin.PostureController(robot), got {shown(controller)}"
         )
-    for name in ("parameters", "start"):
-        if not callable(getattr(controller, name, None)):
-            raise InvalidInputError(f"controller: {kind} has no method {name!r}, see hexakin.Controller")
+    for name, arguments in (("parameters", ()), ("start", ("observation", "control_rate"))):
+        _check_method(f"controller: {kind}", controller, name, *arguments)
     phases = getattr(controller, "phases_per_cycle", None)
     try:
         check_whole("phases_per_cycle", phases, at_least=1)
         parameters = {**controller.parameters(), "name": kind}
         json.dumps(parameters, default=as_json)
-    except (InvalidInputError, TypeError, ValueError) as error:
+    except (InvalidInputError, TypeError, ValueError, RecursionError) as error:
         raise InvalidInputError(f"controller: {kind}: {error}") from error
     if callable(check_rate := getattr(controller, "check_control_rate", None)):
+        check_function(f"controller: {kind}: check_control_rate", check_rate, "control_rate")
         check_rate(control_rate)
     return parameters
+
+
+def started(controller: Controller, observation: Observation, control_rate: float) -> ControlRun:
+    """Return the run of ``controller`` that begins with ``observation``; it is commanded at ``control_rate`` [Hz].
+
+    Raises InvalidInputError if the controller's ``start`` returns an object without the method ``command``.
+    """
+    run = controller.start(observation, control_rate)
+    _check_method(f"controller: start of {type(controller).__name__}: {shown(run)}", run, "command", "observation")
+    return run
+
+
+def _check_method(owner: str, value: object, name: str, *arguments: str) -> None:
+    """Raise InvalidInputError unless ``value``, which is called ``owner``, has a method ``name`` of ``arguments``."""
+    method = getattr(value, name, None)
+    if not callable(method):
+        raise InvalidInputError(f"{owner} has no method '{name}', see hexakin.Controller")
+    check_function(f"{owner}: {name}", method, *arguments)
 
 
 def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
@@ -198,15 +220,15 @@ def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def _number(name: object, value: Any) -> float:
     if not isinstance(name, str) or not name.isidentifier():
-        raise InvalidInputError(f"diagnostics: {name!r:.80} as a name, expected a string such as 'battery_voltage'")
+        raise InvalidInputError(f"diagnostics: {shown(name)} as a name, expected a string such as 'battery_voltage'")
     if hasattr(Recording, name) or name in Recording.__dataclass_fields__:
         raise InvalidInputError(f"diagnostics: {name!r}: a recording has a member of that name")
     if not isinstance(value, (bool, np.bool_, Real, np.number)) or isinstance(value, np.complexfloating):
-        raise InvalidInputError(f"diagnostics: {name}: expected a number, got {value!r:.80}")
+        raise InvalidInputError(f"diagnostics: {name}: expected a number, got {shown(value)}")
     try:
         return float(value)
     except OverflowError as error:
-        raise InvalidInputError(f"diagnostics: {name}: {value!r:.20}... is too large") from error
+        raise InvalidInputError(f"diagnostics: {name}: {shown(value)} is too large") from error
 
 
 class ControlRun(Protocol):

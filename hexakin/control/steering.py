@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hexakin.checks import Array, check_array, check_number, checked
+from hexakin.checks import Array, check_array, check_function, check_number, check_shape, checked
 from hexakin.control.interface import Command, Observation
 from hexakin.control.standing_up import footholds_to_rise_on, lies
-from hexakin.exceptions import InvalidInputError
+from hexakin.exceptions import InvalidInputError, shown
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes, standing_height
 from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
 from hexakin.numerics.display import short_repr
@@ -104,7 +104,9 @@ class SteeringController:
         height = standing_height(self.robot) if self.body_height is None else self.body_height
         home[:, 2] = self.robot.foot_radius - height
         object.__setattr__(self, "home", home)
-        if not callable(self.twist):
+        if callable(self.twist):
+            check_function("twist", self.twist, "time")
+        else:
             object.__setattr__(self, "twist", _checked(self.twist))
             self._refuse(self.twist)
 
@@ -275,14 +277,10 @@ class SteeringRun:
 
 def _checked(twist: Any) -> Twist:
     try:
-        values = [float(value) for value in twist]
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(
-            f"twist: expected hexakin.steering.Twist(forward, left, turn), got {twist!r:.80}"
-        ) from error
-    if len(values) != 3 or not np.isfinite(values).all():
-        raise InvalidInputError(f"twist: expected three finite numbers (forward, left, turn), got {twist!r:.80}")
-    return Twist(*values)
+        return Twist(*check_shape("twist", twist, (3,)).tolist())
+    except InvalidInputError as error:
+        expected = "expected hexakin.steering.Twist(forward, left, turn), three finite numbers"
+        raise InvalidInputError(f"twist: {expected}, got {shown(twist)}") from error
 
 
 def _moved(controller: SteeringController, twist: Twist, feet: Array, duration: float) -> Array:

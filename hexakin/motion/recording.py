@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array, check_number, check_path, check_whole, checked
 from hexakin.checks.files import Arrays, Header, opened_arrays, parse_json, whole_file
-from hexakin.exceptions import FileError, InvalidInputError, RecordingError
+from hexakin.exceptions import FileError, InvalidInputError, RecordingError, shown
 from hexakin.motion.columns import column, columns_of, columns_table, dataframe, described, row_shape
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ def as_json(value: Any) -> Any:
     """Return a NumPy number or array as a Python number or list, for JSON."""
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
-    raise TypeError(f"{value!r:.80} cannot be stored with a recording")
+    raise TypeError(f"{shown(value)} cannot be stored with a recording")
 
 
 @checked

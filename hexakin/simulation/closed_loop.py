@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from hexakin.checks import Array, check_array, check_number, check_whole, checked
-from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller
+from hexakin.control.interface import Command, Controller, Observation, check_answer, check_controller, started
 from hexakin.engines import Engine, Reading, TorqueLaw, default_engine, engine_class
 from hexakin.exceptions import InvalidInputError, JointLimitError, SimulationError, UnknownNameError
 from hexakin.installation import versions
@@ -243,7 +243,7 @@ def _walk(
         force = reading.foot_force_last if last_force else reading.foot_force
         observation = _observation(tick / control_rate, reading, force, height)
         if run is None:
-            run = controller.start(observation, control_rate)
+            run = started(controller, observation, control_rate)
         first = rows[0][1] if rows else None
         command = check_answer(controller, run.command(observation), observation.time, first)
         if command.phase >= end_phase:

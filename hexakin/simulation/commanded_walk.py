@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hexakin.checks import Array, check_number, check_whole, checked
-from hexakin.control.interface import Controller, Observation, check_answer, check_controller
+from hexakin.control.interface import Controller, Observation, check_answer, check_controller, started
 from hexakin.exceptions import InvalidInputError
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.motion.clearance import foot_gaps, way_to_ground
@@ -65,7 +65,7 @@ def commanded_walk(
             up_in_body=T[2, :3].copy(),
         )
         if run is None:
-            run = controller.start(observation, control_rate)
+            run = started(controller, observation, control_rate)
         command = check_answer(controller, run.command(observation), observation.time)
         if command.phase >= num_cycles * controller.phases_per_cycle:
             break

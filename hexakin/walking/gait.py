@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, checked
-from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, UnknownNameError, shown
 from hexakin.kinematics.forward import forward_kinematics
 from hexakin.robot.model import Robot
 
@@ -178,7 +178,7 @@ def gait_of(robot: Robot, gait: str | Gait) -> Gait:
             raise UnknownNameError("gait", gait, list(GAITS))
         gait = GAITS[gait](robot)
     if not isinstance(gait, Gait):
-        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait or one of {', '.join(GAITS)}, got {gait!r:.80}")
+        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait or one of {', '.join(GAITS)}, got {shown(gait)}")
     if gait.num_legs != robot.num_legs:
         raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
     if gait.fewest_carrying < 3:

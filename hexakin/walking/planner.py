@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole, checked
-from hexakin.exceptions import InvalidInputError, UnknownNameError
+from hexakin.exceptions import InvalidInputError, UnknownNameError, shown
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
 from hexakin.motion.motion import motion_of
@@ -252,7 +252,7 @@ def _check(arguments: dict[str, Any]) -> Gait:
     if isinstance(a["terrain"], LegCurves) and a["terrain"].num_legs != robot.num_legs:
         raise InvalidInputError(f"terrain: curves for {a['terrain'].num_legs} legs, {robot.name} has {robot.num_legs}")
     if a["gait"] is not None and not isinstance(a["gait"], Gait):
-        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait, got {a['gait']!r:.80}")
+        raise InvalidInputError(f"gait: expected a hexakin.gait.Gait, got {shown(a['gait'])}")
     gait: Gait = tripod(robot) if a["gait"] is None else a["gait"]
     if gait.num_legs != robot.num_legs:
         raise InvalidInputError(f"gait: {gait.name} is for {gait.num_legs} legs, {robot.name} has {robot.num_legs}")
