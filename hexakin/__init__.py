@@ -42,6 +42,7 @@ PUBLIC = {
     "gait": "hexakin.walking.gait",
     "kinematics": "hexakin.kinematics",
     "measures": "hexakin.motion.measures",
+    "mjcf": "hexakin.robot.mjcf",
     "paper": "hexakin.papers.statements",
     "posture": "hexakin.control.posture",
     "rising": "hexakin.control.standing_up",

@@ -29,6 +29,7 @@ from hexakin import figures as figures
 from hexakin.walking import gait as gait
 from hexakin import kinematics as kinematics
 from hexakin.motion import measures as measures
+from hexakin.robot import mjcf as mjcf
 from hexakin.papers import statements as paper
 from hexakin.control import posture as posture
 from hexakin.control import standing_up as rising
@@ -76,6 +77,7 @@ __all__ = [
     "gait",
     "kinematics",
     "measures",
+    "mjcf",
     "paper",
     "posture",
     "rising",

@@ -18,14 +18,15 @@ if sys.__stdin__ is None:  # it is closed, and IPython asks for its encoding
 
 
 def pytest_collection_modifyitems(items):
-    """Without PyBullet, skip the tests that are marked with its name, or that have its name as a parameter."""
-    if importlib.util.find_spec("pybullet") is not None:
-        return
-    skipped = pytest.mark.skip(reason="PyBullet is not installed")
-    for item in items:
-        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
-        if item.get_closest_marker("pybullet") or any(isinstance(v, str) and v == "pybullet" for v in values):
-            item.add_marker(skipped)
+    """Without a simulator, skip the tests that are marked with its name, or that have its name as a parameter."""
+    for simulator in ("pybullet", "mujoco"):
+        if importlib.util.find_spec(simulator) is not None:
+            continue
+        skipped = pytest.mark.skip(reason=f"{simulator} is not installed")
+        for item in items:
+            values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+            if item.get_closest_marker(simulator) or any(isinstance(v, str) and v == simulator for v in values):
+                item.add_marker(skipped)
 
 
 @pytest.fixture(scope="session", autouse=True)
