@@ -225,7 +225,7 @@ def test_a_grey_image_has_heights_from_black_to_white(png, kind, white):
         (None, {"pixel": None}, InvalidInputError, "pixel: None, expected the width of a pixel"),
         (None, {"pixel": 0.0}, InvalidInputError, "pixel: 0 m, expected above 0"),
         (None, {"pixel": (1, 2, 3)}, InvalidInputError, "pixel: expected"),
-        (None, {"heights": None}, InvalidInputError, "heights: None, expected those of black and white"),
+        (None, {"heights": None}, InvalidInputError, "heights: None, expected the heights of black and white"),
         (None, {"heights": (0.0, np.nan)}, InvalidInputError, "heights: .* nan"),
         (None, {"scale": 0.001}, InvalidInputError, "scale: 0.001, expected None for .png"),
         (None, {"missing": "linear"}, UnknownNameError, "unknown missing 'linear'; known: nearest, a height"),

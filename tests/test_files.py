@@ -29,7 +29,7 @@ class BytesPath:
         return b"walk.npz"
 
 
-NO_PATHS = [1, 0, True, 1.5, None, b"walk.npz", BytesPath(), "", "a\0b", ["walk.npz"], Path, object()]
+NO_PATHS = [1, 0, True, 1.5, None, b"walk.npz", BytesPath(), "", "a\0b", "\ud800", ["walk.npz"], Path, object()]
 
 
 @pytest.mark.parametrize("value", NO_PATHS, ids=lambda value: type(value).__name__)
@@ -59,6 +59,19 @@ def test_paths_may_be_text_or_path_objects(tmp_path):
             assert check_path("path", entry) == Path(entry.path)
 
 
+@pytest.mark.parametrize("folder", [".", "..", "/", "a/.."])
+def test_a_folder_is_no_file_to_write(short_walk, folder):
+    for write in (short_walk.save, lambda path: figures.save_pdf(plt.figure(), path)):
+        with pytest.raises(InvalidInputError, match="path: expected the path of a file, got the folder"):
+            write(folder)
+
+
+def test_a_missing_ending_is_added():
+    assert check_path("path", "a/b", ".npz") == Path("a/b.npz")
+    assert check_path("path", "a/b.c", ".npz") == Path("a/b.c.npz")
+    assert check_path("path", "a/b.NPZ", ".npz") == Path("a/b.NPZ")
+
+
 def test_a_file_that_cannot_be_written_is_named_before_the_work_and_nothing_is_left(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_bytes(b"old")
@@ -67,6 +80,7 @@ def test_a_file_that_cannot_be_written_is_named_before_the_work_and_nothing_is_l
         (tmp_path / "file" / "a", "file does not exist"),
         (tmp_path / "folder", "not a file"),
         (tmp_path / ("n" * 300), "too long"),
+        (tmp_path / ("n" * 300) / "a", "too long"),
     ]:
         with pytest.raises(FileError, match=f"{path.name}: cannot be written .*{message}"), whole_file(path):
             pytest.fail("the block was entered")

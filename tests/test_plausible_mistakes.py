@@ -90,6 +90,41 @@ MISTAKES = {
         InvalidInputError,
         "slope",
     ),
+    "heading of a ramp in degrees": (lambda m: Ramp(heading=90.0), InvalidInputError, "heading: 90 rad, expected"),
+    "heading of a plan in degrees": (
+        lambda m: hk.plan_walk(m.athena, Plane(), heading=90.0),
+        InvalidInputError,
+        "heading: 90 rad, expected",
+    ),
+    "yaw in degrees": (lambda m: hk.plan_walk(m.athena, Plane(), yaw=-90.0), InvalidInputError, "yaw: -90 rad"),
+    "heading of a margin in degrees": (
+        lambda m: hk.stance.longitudinal_margin(m.contacts, 90.0),
+        InvalidInputError,
+        "heading: 90 rad, expected",
+    ),
+    "perturbation in degrees": (lambda m: m.simulate(perturbation=2.0), InvalidInputError, "perturbation: 2 rad"),
+    "phase in ms": (
+        lambda m: hk.PostureController(m.athena, phase_duration=1000.0),
+        InvalidInputError,
+        "phase_duration: 1000 s, expected above 0 and at most 120",
+    ),
+    "cycle in ms": (
+        lambda m: SteeringController(m.athena, Twist(), cycle_duration=2000.0),
+        InvalidInputError,
+        "cycle_duration: 2000 s",
+    ),
+    "rise in ms": (
+        lambda m: SteeringController(m.athena, Twist(), rise_duration=1000.0),
+        InvalidInputError,
+        "rise_duration: 1000 s",
+    ),
+    "step duration in ms": (
+        lambda m: hk.plan_walk(m.athena, Plane(), step_duration=2000.0),
+        InvalidInputError,
+        "step_duration: 2000 s",
+    ),
+    "heights of blocks in mm": (lambda m: Blocks(heights=(40.0, 130.0)), InvalidInputError, "highest: 130 m"),
+    "steps of blocks in mm": (lambda m: Blocks(max_step=30.0), InvalidInputError, "max_step: 30 m"),
     "duty factor in percent": (
         lambda m: hk.gait.Gait("mine", 50.0, (0.0, 0.5) * 3),
         InvalidInputError,
@@ -245,6 +280,11 @@ MISTAKES = {
         InvalidInputError,
         "phase_duration: 1.03 s is not a whole number",
     ),
+    "controller whose start returns nothing": (
+        lambda m: hk.simulate(m.athena, Plane(), Forgetful(m.athena)),
+        InvalidInputError,
+        "controller: start of Forgetful: None has no method 'command'",
+    ),
     # files
     "missing recording": (lambda m: hk.load_recording("nowhere.npz"), RecordingError, "nowhere.npz"),
     "open file for a path": (lambda m: hk.load_recording(1), InvalidInputError, "path: expected"),
@@ -263,12 +303,28 @@ MISTAKES = {
 }
 
 
+class Forgetful:
+    """A controller whose method ``start`` lacks ``return self``."""
+
+    phases_per_cycle = 1
+
+    def __init__(self, robot):
+        self.robot = robot
+
+    def parameters(self):
+        return {}
+
+    def start(self, observation, control_rate):
+        pass
+
+
 class Material:
     """What the mistakes are made with."""
 
     def __init__(self, athena, hwr, plan, walk):
         self.athena, self.hwr, self.plan, self.walk = athena, hwr, plan, walk
         self.feet, self.body = hk.forward_kinematics(athena, athena.standing_q), walk.T_world_body[0]
+        self.contacts = hk.stance.contacts_of(athena, self.body, walk.q[0], walk.carrying[0], Plane())
 
     def simulate(self, terrain=None, **options):
         ground = Plane() if terrain is None else terrain

@@ -3,6 +3,7 @@
 from hexakin.checks.annotations import checked
 from hexakin.checks.values import (
     Array,
+    check_angle,
     check_array,
     check_arrays,
     check_columns,
@@ -21,6 +22,7 @@ from hexakin.checks.values import (
 
 __all__ = [
     "Array",
+    "check_angle",
     "check_array",
     "check_arrays",
     "check_columns",

@@ -58,8 +58,11 @@ def whole_file(path: Path) -> Iterator[Path]:
     block is entered, if the folder of ``path`` does not exist or cannot be written, or if ``path`` is not a regular
     file; and for any OSError in the block, such as a full disk.
     """
-    if not path.parent.is_dir():
-        raise FileError(f"{path}: cannot be written (the folder {path.parent} does not exist)")
+    try:
+        if not path.parent.is_dir():
+            raise FileError(f"{path}: cannot be written (the folder {path.parent} does not exist)")
+    except OSError as error:
+        raise _not_written(path, error) from error
     # The name is short, so that it is not too long where that of the file is not.
     temporary = path.with_name(f".{path.stem[:40]}.{uuid.uuid4().hex[:8]}.part{path.suffix}")
     try:
@@ -71,12 +74,16 @@ def whole_file(path: Path) -> Iterator[Path]:
             os.fsync(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
+        raise _not_written(path, error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _not_written(path: Path, error: OSError) -> FileError:
+    if isinstance(error, FileError):
+        return error
+    return FileError(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def parse_json(text: str | bytes) -> Any:

@@ -162,6 +162,14 @@ def check_whole(name: str, value: object, *, at_least: int = 0, at_most: int | N
     return int(value)
 
 
+def check_angle(name: str, value: float) -> float:
+    """Return ``value`` as a float if it is an angle [rad] of at most one turn; otherwise raise InvalidInputError.
+
+    A larger angle was rather meant in degrees. ``name`` is the argument's name in the message.
+    """
+    return check_number(name, value, at_least=-2.0 * np.pi, at_most=2.0 * np.pi, unit="rad")
+
+
 def is_number(value: object) -> TypeGuard[float]:
     """Return whether ``value`` is a real number in the range of floats; a flag or a text is none."""
     if type(value) is float:
@@ -192,10 +200,11 @@ def read_only(value: ArrayLike, name: str = "value") -> Array:
     return array
 
 
-def check_path(name: str, value: object) -> Path:
+def check_path(name: str, value: object, ending: str = "") -> Path:
     """Return ``value``, a text or an ``os.PathLike`` of text, as a path; otherwise raise InvalidInputError.
 
-    A number is no path: Python would take it for an open file. ``name`` is the argument's name in the message.
+    A number is no path: Python would take it for an open file. With ``ending``, such as ".npz", the path must name a
+    file, and the ending is added if it is missing. ``name`` is the argument's name in the message.
     """
     try:
         text = os.fspath(value) if isinstance(value, os.PathLike) else value
@@ -203,7 +212,16 @@ def check_path(name: str, value: object) -> Path:
         raise InvalidInputError(f"{name}: expected a path, got {shown(value)} ({error})") from error
     if not isinstance(text, str) or text == "" or "\0" in text:
         raise InvalidInputError(f"{name}: expected a path, got {shown(value)}")
-    return Path(text)
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError as error:
+        raise InvalidInputError(f"{name}: expected a path, got {shown(value)} ({error})") from error
+    path = Path(text)
+    if not ending:
+        return path
+    if path.name in ("", ".."):
+        raise InvalidInputError(f"{name}: expected the path of a file, got the folder {shown(value)}")
+    return path if path.suffix.lower() == ending else path.with_name(path.name + ending)
 
 
 def check_shape(name: str, value: ArrayLike, shape: tuple[int | None, ...], labels: tuple[str, ...] = ()) -> Array:

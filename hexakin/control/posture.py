@@ -17,7 +17,7 @@ from hexakin.kinematics.inverse import inverse_kinematics
 from hexakin.kinematics.leg_functions import reach
 from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation
-from hexakin.walking.gait import Gait, tripod
+from hexakin.walking.gait import LONGEST_PHASE, Gait, tripod
 from hexakin.walking.swing import bezier, stance_line, swing_control_points
 
 READINGS = ("as_printed", "rotate_foothold")
@@ -85,8 +85,8 @@ class PostureController:
     def __post_init__(self) -> None:
         for name in ("k_z", "k_alpha", "k_beta"):
             check_number(name, getattr(self, name), at_least=0.0, at_most=1.0)
-        for name in ("phase_duration", "extension_speed"):
-            check_number(name, getattr(self, name), above=0.0)
+        check_number("phase_duration", self.phase_duration, above=0.0, at_most=LONGEST_PHASE, unit="s")
+        check_number("extension_speed", self.extension_speed, above=0.0, unit="m/s")
         # Lengths in millimetres would be far beyond it, and every foot would be out of reach without an error.
         farthest = 2.0 * float(reach(self.robot).max())
         for name in ("stride", "apex", "max_extension"):

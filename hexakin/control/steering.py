@@ -24,7 +24,7 @@ from hexakin.kinematics.inverse import inverse_kinematics, raise_if_impossible
 from hexakin.numerics.display import short_repr
 from hexakin.robot.model import Robot
 from hexakin.transforms import axis_rotation, cross_matrix
-from hexakin.walking.gait import Gait, gait_of
+from hexakin.walking.gait import LONGEST_PHASE, Gait, gait_of
 
 _AT_HOME = 1e-4  # [m] A foot that is closer to its standing foothold need not swing.
 _STILL = 1e-6  # [m/s] A foot whose commanded speed is lower need not swing.
@@ -94,9 +94,9 @@ class SteeringController:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gait", gait_of(self.robot, self.gait))
-        check_number("cycle_duration", self.cycle_duration, above=0.0)
+        check_number("cycle_duration", self.cycle_duration, above=0.0, at_most=LONGEST_PHASE, unit="s")
         check_number("apex", self.apex, at_least=0.0, unit="m")
-        check_number("rise_duration", self.rise_duration, at_least=0.0)
+        check_number("rise_duration", self.rise_duration, at_least=0.0, at_most=LONGEST_PHASE, unit="s")
         check_number("response", self.response, above=0.0, unit="cycles")
         if self.body_height is not None:
             check_number("body_height", self.body_height, above=0.0, unit="m")

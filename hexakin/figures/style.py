@@ -58,9 +58,7 @@ def save_pdf(figure: Figure, path: str | os.PathLike[str]) -> Path:
     file that was there before stays as it was. Raises InvalidInputError if ``path`` is no path, and FileError if the
     file cannot be written.
     """
-    target = check_path("path", path)
-    if target.suffix.lower() != ".pdf":
-        target = target.with_name(target.name + ".pdf")
+    target = check_path("path", path, ".pdf")
     with whole_file(target) as temporary, plt.rc_context({"pdf.fonttype": 42, "savefig.bbox": None}):
         figure.savefig(temporary, format="pdf", metadata={"CreationDate": None})
     return target

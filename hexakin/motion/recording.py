@@ -155,9 +155,7 @@ class Recording:
         it is never incomplete. Raises InvalidInputError if ``path`` is no path, FileError if the file cannot be
         written, and RecordingError if JSON cannot store one of the ``parameters``.
         """
-        target = check_path("path", path)
-        if target.suffix != ".npz":
-            target = target.with_name(target.name + ".npz")
+        target = check_path("path", path, ".npz")
         arrays = {part.name: getattr(self, part.name) for part in _COLUMNS}
         arrays |= {_DIAGNOSTIC + name: values for name, values in self.diagnostics.items()}
         try:

@@ -22,6 +22,7 @@ from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, rotation_between
 
 _MOST_STEPS = 1_000_000  # time steps in a tick; more would take minutes, and no engine needs them
+_MOST_PERTURBATION = 1.0  # [rad] beyond most joint limits; a larger one was meant in degrees
 _START_CLEARANCE = 1e-3  # [m] smallest gap between the robot and the ground at the start
 
 
@@ -82,7 +83,7 @@ def simulate(
         Seed of the perturbation.
     perturbation
         Largest absolute value [rad] of the random numbers, drawn with ``seed``, that are added to the joint angles at
-        the start. The sums are clipped to the joint limits.
+        the start, at most 1. The sums are clipped to the joint limits.
     q_start
         Joint angles (L, 3) [rad] at the start, for example ``hexakin.rising.lying_q``; None means the standing pose.
     settling_time
@@ -105,7 +106,7 @@ def simulate(
         check_whole("max_cycles", max_cycles, at_least=1)
     for name, value in {"duration": duration, "time_step": time_step}.items():
         check_number(name, value, above=0.0)
-    check_number("perturbation", perturbation, at_least=0.0, unit="rad")
+    check_number("perturbation", perturbation, at_least=0.0, at_most=_MOST_PERTURBATION, unit="rad")
     check_number("settling_time", settling_time, at_least=0.0, unit="s")
     if force_sampling not in ("mean", "last"):
         raise UnknownNameError("force_sampling", force_sampling, ["mean", "last"])

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hexakin.checks import Array, check_array, check_flags, check_number, check_poses, check_shape, checked, read_only
+from hexakin.checks import (
+    Array,
+    check_angle,
+    check_array,
+    check_flags,
+    check_number,
+    check_poses,
+    check_shape,
+    checked,
+    read_only,
+)
 from hexakin.exceptions import InvalidInputError, renamed
 from hexakin.kinematics.forward import contact_jacobian, forward_kinematics, jacobian, joint_axes
 from hexakin.numerics.display import short_repr
@@ -172,7 +182,7 @@ def longitudinal_margin(contacts: Contacts, heading: float) -> float:
     Iswandhi, "Adaptive locomotion of a multilegged robot over rough
     terrain", IEEE Trans. Systems, Man, and Cybernetics 9(4), 1979.
     """
-    angle = check_number("heading", heading, unit="rad")
+    angle = check_angle("heading", heading)
     polygon = support_polygon(contacts.points)
     if polygon is None:
         return float("nan")

@@ -13,6 +13,7 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.terrain.base import Box, HalfSpace, check_points, check_positions, check_rays
 
 _MAX_BLOCKS = 100_000  # assumed: far more than any walk needs; in an engine every block is a separate body
+_HIGHEST = 10.0  # [m] assumed: a hundred times the height of the robots; a larger height is in millimetres
 _BOTTOM = -0.1  # [m] assumed: blocks begin below the ground, so that nothing can get between block and ground
 _RAYS_AND_LINES = 1_000_000  # handled at once, which takes about 0.1 GB of memory
 _ROUNDING = 1e-9  # [edges of a block] a point closer than this to a grid line counts as on the line
@@ -58,10 +59,10 @@ class Blocks:
     def __post_init__(self) -> None:
         low, high = self._tuple("heights", 2)
         check_number("Blocks: heights: lowest", low, at_least=0.0, unit="m")
-        check_number("Blocks: heights: highest", high, at_least=low, unit="m")
+        check_number("Blocks: heights: highest", high, at_least=low, at_most=_HIGHEST, unit="m")
         object.__setattr__(self, "size", check_number("Blocks: size", self.size, above=0.0, unit="m"))
         if self.max_step is not None:
-            step = check_number("Blocks: max_step", self.max_step, at_least=0.0, unit="m")
+            step = check_number("Blocks: max_step", self.max_step, at_least=0.0, at_most=_HIGHEST, unit="m")
             object.__setattr__(self, "max_step", step)
         object.__setattr__(self, "level", check_number("Blocks: level", self.level, at_least=0.0, unit="m"))
         object.__setattr__(self, "seed", check_whole("Blocks: seed", self.seed))

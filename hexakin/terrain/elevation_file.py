@@ -51,7 +51,8 @@ def read_elevation(
     elif missing is not None:
         missing = check_number("missing", missing, unit="m")
     if (heights is None) == (ending == ".png"):
-        raise InvalidInputError(f"heights: {shown(heights)}, expected those of black and white for .png, else None")
+        expected = "the heights of black and white for a .png file" if ending == ".png" else f"None for {ending}"
+        raise InvalidInputError(f"heights: {shown(heights)}, expected {expected}")
     if ending == ".png" and scale is not None:
         raise InvalidInputError(f"scale: {scale}, expected None for .png, which has heights")
     part = None if window is None else _window(window)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_number, checked
+from hexakin.checks import Array, check_angle, check_number, checked
 from hexakin.terrain.base import FARTHEST, HalfSpace, check_points, check_rays
 
 
@@ -72,7 +72,8 @@ class Ramp(_Planes):
 
     With ``start`` [m] the ground is level up to that distance from the origin and rises from there. With None it is
     inclined everywhere and passes through the origin. The defaults are paper A's 10 degrees along its walking
-    direction (A Fig. 9a). Raises InvalidInputError for a slope beyond 60 degrees, or below 0 with ``start``.
+    direction (A Fig. 9a). Raises InvalidInputError for a slope beyond 60 degrees or
+    below 0 with ``start``, and for a heading of more than one turn.
     """
 
     slope: float = np.pi / 18.0
@@ -81,7 +82,7 @@ class Ramp(_Planes):
 
     def __post_init__(self) -> None:
         check_number("Ramp: slope", self.slope, at_least=-np.pi / 3, at_most=np.pi / 3, unit="rad")
-        check_number("Ramp: heading", self.heading, unit="rad")
+        check_angle("Ramp: heading", self.heading)
         if self.start is not None:
             check_number("Ramp: start", self.start, at_least=-FARTHEST, at_most=FARTHEST, unit="m")
             check_number("Ramp: slope", self.slope, at_least=0.0, unit="rad")

@@ -21,6 +21,9 @@ from hexakin.robot.model import Robot
 
 _ROUNDING = 1e-9  # of a cycle
 
+LONGEST_PHASE = 120.0
+"""Longest duration [s] of a step, a phase or a gait cycle; assumed: a longer one was meant in milliseconds."""
+
 
 @checked
 @dataclass(frozen=True)

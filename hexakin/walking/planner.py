@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_array, check_number, check_whole, checked
+from hexakin.checks import Array, check_angle, check_array, check_number, check_whole, checked
 from hexakin.exceptions import InvalidInputError, UnknownNameError, shown
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.kinematics.inverse import path_inverse_kinematics, raise_if_impossible
@@ -25,7 +25,7 @@ from hexakin.terrain.leg_curves import LegCurves
 from hexakin.transforms import inverse_pose, transform_points
 from hexakin.walking.body_path import body_poses
 from hexakin.walking.foot_tracks import START_OFFSETS, Course, swing_arches
-from hexakin.walking.gait import Gait, tripod
+from hexakin.walking.gait import LONGEST_PHASE, Gait, tripod
 from hexakin.walking.swing import adapted_cycloid
 
 BODY_MOTIONS = ("fixed", "sinusoidal")
@@ -269,10 +269,11 @@ def _check(arguments: dict[str, Any]) -> Gait:
     if check_whole("first_group", a["first_group"]) >= gait.phases_per_cycle:
         raise InvalidInputError(f"first_group: {a['first_group']}, but {gait.name} has {gait.phases_per_cycle} groups")
     check_number("step_length", a["step_length"], at_least=0.0, unit="m")
-    for name in ("heading", "yaw", "amplitude"):
-        check_number(name, a[name])
-    for name in ("period", "step_duration"):
-        check_number(name, a[name], above=0.0)
+    for name in ("heading", "yaw"):
+        check_angle(name, a[name])
+    check_number("amplitude", a["amplitude"], unit="m")
+    check_number("period", a["period"], above=0.0, unit="steps")
+    check_number("step_duration", a["step_duration"], above=0.0, at_most=LONGEST_PHASE, unit="s")
     if a["body_height"] is not None:
         check_number("body_height", a["body_height"], above=0.0, unit="m")
     if not isinstance(a["arch"], str) or a["arch"] != "clear":
