@@ -138,6 +138,27 @@ def test_a_folder_of_code_belongs_to_its_user_and_cannot_be_replaced(tmp_path, m
 
 
 @posix
+def test_a_file_that_others_may_write_to_is_not_trusted_unless_they_cannot_reach_it(tmp_path):
+    folder, file = tmp_path / "code", tmp_path / "code" / "loops.py"
+    folder.mkdir(mode=0o755)
+    file.touch()
+    file.chmod(0o666)
+    assert distrust(folder) == f"other users may write to {file} (chmod go-w forbids it)"
+    folder.chmod(0o700)
+    assert distrust(folder) == ""
+
+
+@posix
+@pytest.mark.skipif(os.name == "posix" and os.geteuid() != 0, reason="only the administrator can give files away")
+def test_a_file_that_another_user_left_in_a_folder_is_not_trusted(tmp_path):
+    """It was written before the folder was closed to others."""
+    (tmp_path / "loops.py").touch()
+    assert distrust(tmp_path) == ""
+    os.chown(tmp_path / "loops.py", 12345, 12345)
+    assert distrust(tmp_path) == f"{tmp_path / 'loops.py'} belongs to another user"
+
+
+@posix
 @pytest.mark.skipif(os.name == "posix" and os.geteuid() != 0, reason="only the administrator can give folders away")
 def test_a_folder_of_another_user_is_not_trusted_by_the_administrator_either(tmp_path):
     os.chown(tmp_path, 12345, 12345)
@@ -215,6 +236,23 @@ def test_a_kernel_takes_only_what_it_was_made_for():
     np.testing.assert_array_equal(result, [0.0, 2.0, 4.0])
     with pytest.raises(TypeError):
         made(np.arange(3), result)
+
+
+def test_the_loops_run_in_python_where_numba_is_told_to_compile_nothing():
+    """As by ``NUMBA_DISABLE_JIT=1``, for a debugger."""
+    code = """
+import numpy as np
+import hexakin as hk
+robot = hk.load_robot("athena")
+hk.kinematics.prepare(robot)
+print(np.ptp(hk.forward_kinematics(robot, robot.standing_q)[:, 2]))
+options = {"duration": 0.1, "time_step": 0.01, "settling_time": 0.1}
+print(len(hk.simulate(robot, hk.terrain.Ramp(), hk.PostureController(robot), engine="rigid", **options).time))
+"""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    made = subprocess.run([sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
+    assert made.stderr == "" and made.stdout.split() == ["0.0", "2"]
 
 
 # What is used of numba -----------------------------------------------------------------------------------------

@@ -1,11 +1,12 @@
 """Folders for generated and compiled code: where they are, and whether the code in them may be run.
 
 Whoever can write to such a folder can run code as the user who reads it. A folder is therefore used only if nobody
-else can write to it. Folders are created so that only their owner can open them.
+else can write to it or to its files, or has done so. Folders are created so that only their owner can open them.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 import sys
@@ -51,22 +52,35 @@ def tell_once(message: str) -> None:
 
 
 def distrust(folder: Path) -> str:
-    """Return why code in ``folder`` is not trusted, as a sentence that names the folder at fault; empty if it is.
+    """Return why code in ``folder`` is not trusted, as a sentence that names the folder or file at fault; else empty.
 
-    It is trusted if it belongs to this user or to the administrator, if no other user may write to it, and if nobody
-    may replace it: a folder above it to which all may write must be sticky, as /tmp is. Only POSIX systems tell who may
-    write. Raises OSError if a folder cannot be examined.
+    It is trusted if it and its files belong to this user or to the administrator, if no other user may write to them,
+    and if nobody may replace it: a folder above it to which all may write must be sticky, as /tmp is. Only POSIX
+    systems tell who may write. Raises OSError if a folder or file cannot be examined.
     """
     if os.name != "posix":
         return ""
     real = folder.resolve()
     status = real.stat()
-    if status.st_uid not in (0, os.geteuid()):
-        return f"{real} belongs to another user"
-    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return f"other users may write to {real} (chmod go-w forbids it)"
+    if reason := _distrust_entry(str(real), status):
+        return reason
+    # Others may have written files while the folder was open to them.
+    closed = not status.st_mode & (stat.S_IXGRP | stat.S_IXOTH)  # nobody else reaches the files
+    with os.scandir(real) as entries:
+        for entry in entries:
+            with contextlib.suppress(FileNotFoundError):  # another process has renamed or deleted it
+                if reason := _distrust_entry(entry.path, entry.stat(), closed):
+                    return reason
     for parent in real.parents:
         mode = parent.stat().st_mode
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             return f"all users may write to {parent}, and may replace what is in it"
+    return ""
+
+
+def _distrust_entry(path: str, status: os.stat_result, closed: bool = False) -> str:
+    if status.st_uid not in (0, os.geteuid()):
+        return f"{path} belongs to another user"
+    if not closed and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"other users may write to {path} (chmod go-w forbids it)"
     return ""

@@ -156,6 +156,8 @@ def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]
     signature = tuple(array(code) for code in arguments)
 
     def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
+        if _config.DISABLE_JIT:  # set by NUMBA_DISABLE_JIT: loops run in Python, to be debugged
+            return function
         dispatcher: Any = numba.njit(nogil=True, error_model="numpy", fastmath={"contract"})(function)
         dispatcher._cache = _Cache(function)
         dispatcher.compile(signature)
