@@ -21,6 +21,8 @@ from hexakin.dynamics import pin
 from hexakin.exceptions import InvalidInputError
 from hexakin.numerics.display import short_repr
 
+_MOST_ITERATIONS = 100_000  # Pinocchio's loop cannot be interrupted: a second or two for a robot's contacts
+
 
 class AdmmSolution(NamedTuple):
     """Impulses ``p`` (3 n + m,) and velocities ``u`` (3 n + m,), u = G p + g, in the units of the problem.
@@ -52,15 +54,15 @@ def solve_admm(
     ``G`` (3 n + m, 3 n + m) [1/kg] and ``g`` (3 n + m,) [m/s] give the velocities u = G p + g: n contacts first, each
     in the order t1, t2, n, then m servos. ``mu`` (n,) are the friction coefficients, numbers without unit; ``low`` (m,)
     and ``high`` (m,) [N m s] the limits of the servos' impulses. ``tolerance`` is that of ADMM in a scale where the
-    largest velocity is 1 and the diagonal of G is about 1; ``max_iterations`` limits the ADMM iterations. Raises
-    InvalidInputError for wrong shapes, friction below zero or ``low`` above ``high``.
+    largest velocity is 1 and the diagonal of G is about 1; ``max_iterations``, at most 100,000, limits the ADMM
+    iterations. Raises InvalidInputError for wrong shapes, friction below zero or ``low`` above ``high``.
     """
     n, m = np.size(mu), np.size(low)
     size = 3 * n + m
     G, g = _checked("G", G, size, size), _checked("g", g, size)
     mu, low, high = _checked("mu", mu, n), _checked("low", low, m), _checked("high", high, m)
     check_number("tolerance", tolerance, above=0.0)
-    check_whole("max_iterations", max_iterations, at_least=1)
+    check_whole("max_iterations", max_iterations, at_least=1, at_most=_MOST_ITERATIONS)
     if (mu < 0.0).any():
         raise InvalidInputError(f"mu: {mu.min():g}, expected at least 0")
     if (low > high).any():

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.numerics.numba_cache import compiled
+from hexakin.numerics.numba_cache import Interrupted, compiled, signals_raise
 
 
 @compiled
@@ -315,6 +315,8 @@ def solve_cone(
             attempts += 1
             for i in range(size):
                 p[i], u[i] = saved_p[i], saved_u[i]
+        if signals_raise() != 0:
+            raise Interrupted
         _sweep(G, mu, p_min, low, high, p, u)
         sweeps += 1
         if sweeps % 50 == 0:

@@ -12,7 +12,7 @@ import numpy as np
 
 from hexakin.checks import Array
 from hexakin.contact.cone import eliminate
-from hexakin.numerics.numba_cache import Whole, compiled
+from hexakin.numerics.numba_cache import Interrupted, Whole, compiled, signals_raise
 
 SOLVED, RAY, TOO_LONG, INEXACT = 0, 1, 2, 3
 """How Lemke's method ends: solved, on an unbounded ray, after the allowed number of pivots, or with an inexact z."""
@@ -67,6 +67,8 @@ def follow(A: Array, q: Array, cover: Array, max_pivots: int, T: Array, basic: W
         if pivots == max_pivots:
             status = TOO_LONG
             break
+        if signals_raise() != 0:
+            raise Interrupted
         pivots += 1
         f = 1.0 / T[r, s]
         for j in range(n + 2):

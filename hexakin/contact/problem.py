@@ -12,6 +12,7 @@ from hexakin.checks import Array, check_array, check_number, check_shape, check_
 from hexakin.contact.impulses import solve_impact
 from hexakin.exceptions import ContactError, InvalidInputError, shown
 from hexakin.numerics.display import short_repr
+from hexakin.numerics.interrupts import interrupts_kept
 from hexakin.numerics.numba_cache import announced
 
 _MOST_FACETS = 256  # the cone then differs by 1e-4; more take long, and the exact cone is solved faster
@@ -144,6 +145,7 @@ def check_facets(facets: int | None) -> int | None:
 
 
 @checked
+@interrupts_kept()
 def solve(
     problem: ContactProblem,
     *,

@@ -22,6 +22,7 @@ from hexakin.engines.moreau_step import CAPACITY, Drive, Law, State, drift, marc
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
 from hexakin.numerics.display import short_repr
+from hexakin.numerics.interrupts import interrupts_kept
 from hexakin.numerics.numba_cache import announced
 from hexakin.robot.model import GRAVITY
 from hexakin.terrain.base import Terrain
@@ -213,6 +214,7 @@ class MoreauStepper:
         kinetic = pin.computeKineticEnergy(self._model, self._data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self._model, self._data, q))
 
+    @interrupts_kept()
     def advance(
         self, num_steps: int, command: ArrayLike | None = None, torque_law: TorqueLaw | None = None
     ) -> StepSums:

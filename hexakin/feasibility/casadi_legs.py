@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from hexakin.checks import Array, read_only
 from hexakin.exceptions import MissingPackageError
-from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.numerics.display import short_repr
+from hexakin.numerics.interrupts import interrupts_kept
 from hexakin.robot.leg_table import NUM_JOINTS, LegTable
 from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.symbolic.leg import derive, with_functions

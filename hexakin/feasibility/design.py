@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from hexakin.checks import Array, check_number, checked
 from hexakin.exceptions import SolverError, UnknownNameError
 from hexakin.feasibility.casadi_legs import leg_constants, leg_function, reach_function
-from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.kinematics.branches import BRANCH_SIGNS, standing_branch
 from hexakin.kinematics.forward import at_contact, forward_kinematics, standing_height
+from hexakin.numerics.interrupts import interrupts_kept
 from hexakin.robot.model import GRAVITY, Robot
 from hexakin.stability.friction_pyramid import pyramid_faces
 from hexakin.walking.gait import tripod

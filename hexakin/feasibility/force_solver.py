@@ -15,8 +15,8 @@ from scipy.optimize import linprog
 
 from hexakin.checks import Array
 from hexakin.exceptions import SolverError
-from hexakin.feasibility.interrupts import interrupts_kept
 from hexakin.feasibility.statics import StaticProblem
+from hexakin.numerics.interrupts import interrupts_kept
 from hexakin.stability.friction_pyramid import pyramid_faces
 
 MOST_FRICTION = 10.0

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from hexakin import installation
 from hexakin.exceptions import MissingPackageError
 from hexakin.numerics.cache_folders import tell_once, usable, user_folder
+from hexakin.numerics.interrupts import interrupts_kept
 
 try:
     import numba
@@ -39,6 +40,21 @@ except ImportError as error:
     raise MissingPackageError("numba", "contact mechanics", "pip install numba") from error
 
 Whole = NDArray[np.int64]
+
+# Runs the handlers of signals that have arrived; -1 if one has raised an exception. It is a function of Python's C
+# interface, and does nothing outside the main thread. A compiled loop that can be long calls it in each round and then
+# raises ``Interrupted``; without it, Ctrl-C would wait for the loop's end.
+signals_raise: Any = numba.types.ExternalFunction("PyErr_CheckSignals", numba.types.int32())
+
+
+class Interrupted(Exception):
+    """The handler of a signal has raised an exception in a compiled loop.
+
+    numba cannot raise KeyboardInterrupt itself. ``hexakin.numerics.interrupts.interrupts_kept`` puts the handler's
+    exception in the place of this one.
+    """
+
+
 _config: Any = numba.config
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -168,12 +184,17 @@ def kernel(*arguments: str) -> Callable[[Callable[..., Any]], Callable[..., Any]
 
 
 class _Announcement(event.Listener):
-    """Says on stderr that ``what`` is being compiled, when numba begins to compile."""
+    """Says on stderr that ``what`` is being compiled, when numba begins to compile.
 
-    def __init__(self, what: str):
-        self._what, self._said = what, False
+    The compilation ends with the first of ``interrupts``, before numba begins to compile the next function.
+    """
+
+    def __init__(self, what: str, interrupts: list[BaseException]):
+        self._what, self._said, self._interrupts = what, False, interrupts
 
     def on_start(self, event: Any) -> None:
+        if self._interrupts:
+            raise self._interrupts[0]
         function = event.data["dispatcher"]
         if self._said or not function.__module__.startswith("hexakin."):
             return
@@ -189,5 +210,5 @@ class _Announcement(event.Listener):
 @contextlib.contextmanager
 def announced(what: str) -> Iterator[None]:
     """Print on stderr that ``what`` is being compiled, if the block compiles it, and where the code is kept."""
-    with event.install_listener("numba:compile", _Announcement(what)):
+    with interrupts_kept() as raised, event.install_listener("numba:compile", _Announcement(what, raised)):
         yield

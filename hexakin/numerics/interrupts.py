@@ -1,4 +1,4 @@
-"""Interrupts (Ctrl-C) of calls of CasADi."""
+"""Interrupts (Ctrl-C) of code that is not Python: CasADi's calls and compiled loops."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from types import FrameType
 
 
 @contextlib.contextmanager
-def interrupts_kept() -> Iterator[None]:
+def interrupts_kept() -> Iterator[list[BaseException]]:
     """At the end of the block, or of the decorated function, raise what the handler of SIGINT raised in it.
 
     CasADi drops such an exception: where it converts arguments, and where it returns from IPOPT, which stops, as if the
-    solution had failed. Every function that calls CasADi is decorated with this, or has a block of it. Only the main
-    thread handles signals; in other threads nothing is changed.
+    solution had failed. A compiled loop ends with ``numba_cache.Interrupted`` in its place. Every function that calls
+    CasADi, or a compiled loop that can be long, is decorated with this, or has a block of it. Python itself drops the
+    exception in destructors and in callbacks of C, which numba's compiler uses. The block's value is the list of the
+    exceptions so far. Only the main thread handles signals; in other threads nothing is changed.
     """
     handler = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield
+        yield []
         return
     raised: list[BaseException] = []
 
@@ -32,7 +34,7 @@ def interrupts_kept() -> Iterator[None]:
 
     signal.signal(signal.SIGINT, noted)
     try:
-        yield
+        yield raised
     finally:
         signal.signal(signal.SIGINT, handler)
         if raised:
