@@ -41,11 +41,8 @@ lab: $(VENV)/installed
 	$(RUN) pip install --quiet --disable-pip-version-check -r notebooks/lab.txt
 	$(RUN) jupyter lab notebooks
 
-# All modules are named, because pdoc leaves out modules that are not in a package's __all__. pdoc cannot evaluate the
-# annotations of NamedTuples and shows them as text.
 reference: $(VENV)/installed
-	$(VENV)/bin/python -W "ignore:Error parsing type annotation" -W "ignore:The module specification" -m pdoc --docformat numpy --output-directory report/reference \
-		$$($(VENV)/bin/python -c 'from hexakin.installation import modules; print(*modules(), "!hexakin.generated")')
+	$(VENV)/bin/python tests/reference.py report/reference
 	@echo "Reference: report/reference/index.html"
 
 benchmarks: $(VENV)/installed

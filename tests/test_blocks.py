@@ -201,13 +201,13 @@ def test_impossible_blocks_are_refused_by_name(arguments, message):
         Blocks(**arguments)
 
 
-@pytest.mark.pybullet
 def test_a_ray_that_is_vertical_but_for_rounding_meets_the_block_below():
     blocks = Blocks()
     down = np.array([1e-17, -3e-17, -1.0])
     assert blocks.distance_along([0.0, 0.0, 1.0], down) == pytest.approx(1.0 - blocks.height(0.0, 0.0))
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("size", SIZES)
 def test_pybullet_sees_the_same_heights(athena, size, rng):
     """Bullet rounds the edges of its boxes by up to 0.4 mm for rays; 1 mm from every edge it agrees."""

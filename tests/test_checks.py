@@ -1,12 +1,15 @@
 """Checks of poses, and the functions that receive poses."""
 
+from typing import Any, TypeVar
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
+from typing_extensions import TypeAliasType
 
 import hexakin as hk
-from hexakin.checks import check_columns, check_flags, check_poses, check_same_length, check_shape
+from hexakin.checks import check_columns, check_flags, check_poses, check_same_length, check_shape, checked
 from hexakin.exceptions import InvalidInputError
 from hexakin.figures import draw_wireframe
 from hexakin.transforms import pose
@@ -107,3 +110,20 @@ def test_columns_that_a_table_lacks_are_named():
     check_columns("runs", table, ["seed", "status"])
     with pytest.raises(InvalidInputError, match="runs: missing columns engine, layout"):
         check_columns("runs", table, ["engine", "seed", "layout", "engine"])
+
+
+def test_an_alias_of_an_array_type_is_checked_like_the_type():
+    """``numpy.typing.NDArray`` is such an alias since NumPy 2.5, which Python 3.12 and later get."""
+    element = TypeVar("element", bound=np.generic)
+    alias = TypeAliasType("alias", np.ndarray[tuple[Any, ...], np.dtype[element]], type_params=(element,))
+
+    def count(flags, sizes=None):
+        return len(flags)
+
+    count.__annotations__ = {"flags": alias[np.bool_], "sizes": alias[np.floating] | None}
+    counted = checked(count)
+    assert counted(np.ones(3, dtype=bool), np.ones(3)) == 3
+    with pytest.raises(InvalidInputError, match="flags: expected an array of True and False, got "):
+        counted(np.ones(3))
+    with pytest.raises(InvalidInputError, match="sizes: expected an array of numbers or None, got 'large'"):
+        counted(np.ones(3, dtype=bool), "large")

@@ -96,6 +96,7 @@ CALLS = {
 CHECKED = {"Animation", "FeasibilityReport", "LegCurves", "Robot", "Study"}
 
 
+@pytest.mark.pybullet  # all modules are imported
 def test_every_record_is_printed_in_one_short_line(athena):
     classes = record_classes()
     assert len(classes) > 60 and CALLS | CHECKED <= {name.rpartition(".")[2] for name in classes}

@@ -41,7 +41,10 @@ TRIALS = {
 }
 
 
-@pytest.mark.parametrize("module", TRIALS)
+@pytest.mark.parametrize(
+    "module",
+    [pytest.param(name, marks=[pytest.mark.pybullet] if '"pybullet"' in TRIALS[name] else []) for name in TRIALS],
+)
 def test_no_file_that_a_trial_runs_is_forgotten(module):
     """Every Python function of hexakin that runs during a trial is in a file on which the trial's results depend."""
     name, call = f"hexakin.{module.strip()}", TRIALS[module]

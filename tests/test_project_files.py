@@ -86,6 +86,7 @@ def test_the_new_paths_of_the_changelog_exist():
         assert new and set(new) <= set(installation.modules())
 
 
+@pytest.mark.pybullet  # the modules of both engines are imported
 def test_names_of_the_changelogs_table_are_in_their_new_modules():
     for old, new in table_of("### Removed", text_of("CHANGELOG.md")):
         modules = [importlib.import_module(name) for name in re.findall(r"hexakin[.\w]+", new)]

@@ -87,6 +87,8 @@ def _kind(hint: Any) -> _Kind | None:
     if hint in (Any, object):
         return None
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if hasattr(origin, "__value__"):  # an alias with arguments, as NDArray is since NumPy 2.5
+        return _kind(origin.__value__[arguments])
     if origin is Literal:
         return _Kind(lambda value: isinstance(value, str) and value in arguments, "a name", arguments)
     if origin in (Union, types.UnionType):

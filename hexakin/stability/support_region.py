@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
-from scipy.sparse import block_diag
+from scipy.sparse import block_diag, coo_array
 
 from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.exceptions import InvalidInputError, SolverError
@@ -238,8 +238,8 @@ class _Balance:
         cost[:, :2] = -across
         x = _solved(
             cost.ravel(),
-            equal=(block_diag([self.equal] * count, format="csc"), np.tile(self.right, count)),
-            upper=(block_diag([self.upper] * count, format="csc"), np.tile(self.limit, count)),
+            equal=(block_diag([coo_array(self.equal)] * count, format="csc"), np.tile(self.right, count)),
+            upper=(block_diag([coo_array(self.upper)] * count, format="csc"), np.tile(self.limit, count)),
             bound=np.tile(self.bound, (count, 1)),
         )
         return self.center + self.length * x.reshape(count, width)[:, :2]
@@ -270,7 +270,9 @@ def _balance(contacts: Contacts, torque_limits: bool, facets: int, reach: float)
         size = np.linalg.norm(contacts.torque_rows, axis=2)
         size = np.where(size > 0.0, size, 1.0)
         rows = np.einsum("imc,ifc->imf", contacts.torque_rows / size[..., None], force)
-        upper = np.hstack([np.zeros((rows[..., 0].size, 2)), block_diag(list(rows)).toarray()])
+        upper = np.hstack(
+            [np.zeros((rows[..., 0].size, 2)), block_diag([coo_array(block) for block in rows]).toarray()]
+        )
         limit = (contacts.torque_bounds / size).ravel() / (contacts.mass * GRAVITY)
     bound = np.tile([0.0, np.inf], (width, 1))
     bound[:2] = np.array([-reach, reach]) / length

@@ -5,6 +5,7 @@
 ENGINE is the engine that hk.simulate must choose by itself: pybullet, or rigid where PyBullet is not installed.
 """
 
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -28,6 +29,14 @@ assert np.isfinite(plan.q).all()
 
 controller = hk.PostureController(robot, k_z=0.8)
 assert hk.feasibility.check(robot, hk.feasibility.commanded_walk(controller, ramp), ramp).feasible
+
+motion = hk.feasibility.commanded_walk(controller, ramp, num_cycles=1)
+try:
+    dataclasses.replace(motion, carrying=motion.carrying.astype(int))
+except hk.exceptions.InvalidInputError as error:  # the annotations of arrays are checked with this NumPy
+    assert "carrying: expected an array of True and False" in str(error), error
+else:
+    raise AssertionError("numbers passed as flags")
 
 walks = {"": hk.simulate(robot, ramp, controller, duration=1.0, seed=0)}
 for engine in ("rigid", "pybullet"):
