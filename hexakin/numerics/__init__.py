@@ -1,1 +1,1 @@
-"""Fast trigonometry for arrays, numba with a checked cache on disk, and how long arrays are printed."""
+"""Fast trigonometry for arrays, numba with a checked cache on disk, how values are printed, and messages on stderr."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-import sys
 from functools import cache
 from pathlib import Path
+
+from hexakin.numerics.messages import messages
 
 
 def user_folder(kind: str) -> Path:
@@ -48,7 +49,7 @@ def usable(folder: Path, *, tell: bool = True) -> bool:
 @cache
 def tell_once(message: str) -> None:
     """Print ``message`` on stderr, unless this process has printed it before."""
-    print(f"hexakin: {message}", file=sys.stderr)
+    print(f"hexakin: {message}", file=messages)
 
 
 def distrust(folder: Path) -> str:

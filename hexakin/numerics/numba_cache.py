@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import pickle
-import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -30,6 +29,7 @@ from hexakin import installation
 from hexakin.exceptions import MissingPackageError
 from hexakin.numerics.cache_folders import tell_once, usable, user_folder
 from hexakin.numerics.interrupts import interrupts_kept
+from hexakin.numerics.messages import messages
 
 try:
     import numba
@@ -40,11 +40,14 @@ except ImportError as error:
     raise MissingPackageError("numba", "contact mechanics", "pip install numba") from error
 
 Whole = NDArray[np.int64]
+_config: Any = numba.config
 
 # Runs the handlers of signals that have arrived; -1 if one has raised an exception. It is a function of Python's C
 # interface, and does nothing outside the main thread. A compiled loop that can be long calls it in each round and then
 # raises ``Interrupted``; without it, Ctrl-C would wait for the loop's end.
 signals_raise: Any = numba.types.ExternalFunction("PyErr_CheckSignals", numba.types.int32())
+if _config.DISABLE_JIT:  # loops run in Python, which runs the handlers itself
+    signals_raise = int  # int() is 0
 
 
 class Interrupted(Exception):
@@ -55,7 +58,6 @@ class Interrupted(Exception):
     """
 
 
-_config: Any = numba.config
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -201,7 +203,7 @@ class _Announcement(event.Listener):
         self._said = True
         folder = function.stats.cache_path
         kept = f"once; it is kept in {folder}" if folder else "in each process, since no folder for it can be used"
-        print(f"hexakin: compiling {self._what} (up to two minutes), {kept}", file=sys.stderr)
+        print(f"hexakin: compiling {self._what} (up to two minutes), {kept}", file=messages)
 
     def on_end(self, event: Any) -> None:
         pass

@@ -17,6 +17,7 @@ from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.motion.clearance import way_to_ground
 from hexakin.motion.recording import MOST_TICKS, Recording
+from hexakin.numerics.messages import messages
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
 from hexakin.transforms import pose, rotation_between
@@ -130,7 +131,7 @@ def simulate(
         reading = simulator.advance(q, steps_per_tick)
         last = force_sampling == "last"
         end = np.inf if max_cycles is None else max_cycles * controller.phases_per_cycle
-        with tqdm(desc=robot.name, total=num_ticks, unit="tick", disable=not progress) as bar:
+        with tqdm(desc=robot.name, total=num_ticks, unit="tick", file=messages, disable=not progress) as bar:
             rows = _walk(
                 simulator, terrain, controller, reading, control_rate, num_ticks, end, steps_per_tick, last, bar
             )

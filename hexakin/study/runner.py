@@ -14,7 +14,6 @@ import math
 import multiprocessing.resource_tracker
 import os
 import signal
-import sys
 import threading
 import time
 import traceback
@@ -26,6 +25,7 @@ from typing import Any
 
 from hexakin.checks import check_path, checked
 from hexakin.exceptions import HexakinError, InvalidInputError, MissingPackageError, SimulationError, StudyError, shown
+from hexakin.numerics.messages import messages
 from hexakin.study.journal import KEPT, Journal, alone, set_aside, write_whole
 from hexakin.study.provenance import Trial, machine, provenance
 from hexakin.study.tables import RESERVED, Scalar, read_table, table_text
@@ -147,7 +147,7 @@ def run(
             set_aside([csv_path, json_path, journal_path])
         with Journal(journal_path) as journal:
             if journal.dropped and progress:
-                print(f"{journal_path}: {journal.dropped} damaged or incomplete line(s) dropped", file=sys.stderr)
+                print(f"{journal_path}: {journal.dropped} damaged or incomplete line(s) dropped", file=messages)
             done = _finished(journal, made_by)
             wanted = {_key(arguments): arguments for arguments in study.runs}
             todo = {key: arguments for key, arguments in wanted.items() if key not in done}
@@ -190,10 +190,10 @@ def _make(
     n_jobs = jobs if jobs is not None else configured if configured is not None else -1
     n_jobs = min(n_jobs, max(len(todo), 2))  # more processes than runs would start for nothing
     names = next((set(result) for result in done.values() if result["status"] == "ok"), None)
-    interval = 0.5 if sys.stderr.isatty() else 30.0
+    interval = 0.5 if messages.isatty() else 30.0
     bar = tqdm(
         desc=study.name, total=len(study), initial=len(study) - len(todo), unit="run", smoothing=0.02,
-        mininterval=interval, maxinterval=interval, disable=not progress,
+        mininterval=interval, maxinterval=interval, file=messages, disable=not progress,
     )  # fmt: skip
     try:
         with bar, _results(study.trial, todo, n_jobs) as results:
