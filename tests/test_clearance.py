@@ -60,13 +60,13 @@ def test_a_torso_off_the_origin_has_one_clearance(slung, rpy):
         assert start[2, 3] - height == pytest.approx(1e-3 - lowest, abs=TENTH_OF_A_MM)
 
 
-@pytest.mark.parametrize("engine", ["rigid", "pybullet"])
+@pytest.mark.parametrize("engine", ["rigid", "pybullet", "mujoco"])
 def test_an_engines_torso_lies_on_the_ground_where_its_clearance_is_zero(slung, engine):
     ground = hk.terrain.Plane()
     controller = hk.PostureController(slung, apex=0.01)
     walk = hk.simulate(slung, ground, controller, engine=engine, duration=0.2, time_step=0.002, settling_time=0.5)
     assert (walk.torso_force > 0.0).all()
-    # Bullet lets boxes sink in a little.
+    # PyBullet and MuJoCo let boxes sink in a little.
     assert np.abs(torso_gaps(slung, ground, walk.T_world_body)).max() < (1 if engine == "rigid" else 10) * TENTH_OF_A_MM
 
 

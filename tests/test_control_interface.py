@@ -11,7 +11,7 @@ from hexakin.exceptions import InvalidInputError
 from hexakin.feasibility import commanded_walk, distribute
 from hexakin.transforms import pose
 
-ENGINES = ("rigid", "pybullet")
+ENGINES = ("rigid", "pybullet", "mujoco")
 
 
 class Standing:

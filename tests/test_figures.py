@@ -267,7 +267,7 @@ def test_each_engine_has_one_colour_in_every_chart():
                 if label in engines:
                     patch = handle if isinstance(handle, PathPatch) else handle.patches[0]
                     assert patch.get_facecolor() == matplotlib.colors.to_rgba(figures.ENGINE_COLOURS[label])
-    assert figures.ENGINE_COLOURS == {"pybullet": figures.ORANGE, "rigid": figures.BLUE}
+    assert figures.ENGINE_COLOURS == {"pybullet": figures.ORANGE, "rigid": figures.BLUE, "mujoco": figures.GREEN}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 import hexakin as hk
 
-HEAVY = ("sympy", "pinocchio", "casadi", "pybullet", "matplotlib", "numba")
+HEAVY = ("sympy", "pinocchio", "casadi", "pybullet", "mujoco", "matplotlib", "numba")
 
 
 def loaded_after(code):
@@ -40,9 +40,18 @@ def test_the_engine_pybullet_loads_only_its_package():
     assert loaded_after("import hexakin.engines.pybullet_engine") == ["pybullet"]
 
 
+@pytest.mark.mujoco
+def test_the_engine_mujoco_loads_only_its_package_and_prints_nothing():
+    assert loaded_after("import hexakin.engines.mujoco_engine") == ["mujoco"]
+    done = subprocess.run([sys.executable, "-c", "import hexakin.engines.mujoco_engine"], capture_output=True)
+    assert done.returncode == 0 and done.stdout == done.stderr == b""
+
+
 def test_drawing_loads_no_package_that_computes():
     for name in ("animation", "figures"):
-        assert not {"casadi", "sympy", "pinocchio", "pybullet", "numba"} & set(loaded_after(f"import hexakin.{name}"))
+        assert not {"casadi", "sympy", "pinocchio", "pybullet", "mujoco", "numba"} & set(
+            loaded_after(f"import hexakin.{name}")
+        )
 
 
 @pytest.mark.pybullet

@@ -17,9 +17,11 @@ WALK = "from hexakin.papers.scenarios import walk"
 
 def test_imports_in_functions_and_modules_named_by_strings_count():
     assert "hexakin.symbolic.generate" in installation.imports("hexakin.kinematics.code_cache")
-    assert {"hexakin.engines.rigid_engine", "hexakin.engines.pybullet_engine"} <= installation.imports(
-        "hexakin.engines"
-    )
+    assert {
+        "hexakin.engines.rigid_engine",
+        "hexakin.engines.pybullet_engine",
+        "hexakin.engines.mujoco_engine",
+    } <= installation.imports("hexakin.engines")
     assert "hexakin.generated.athena_loops" in installation.imports("hexakin.generated")
     assert "numba" in installation.imports("hexakin.numerics.numba_cache")
 

@@ -79,7 +79,7 @@ def test_the_walker_plans_a_wave_and_refuses_gaits_of_six_legs_by_name(count):
             refused()
 
 
-@pytest.mark.parametrize("engine", ["rigid", "pybullet"])
+@pytest.mark.parametrize("engine", ["rigid", "pybullet", "mujoco"])
 @pytest.mark.parametrize("count", ROBOTS)
 def test_a_simulated_robot_goes_as_far_as_it_is_told_and_does_not_fall(count, engine, planned):
     robot, controller = ROBOTS[count], steered(count)

@@ -96,7 +96,7 @@ def test_readings_place_the_body_frame_not_its_centre_of_mass(edited):
 
 
 def test_an_unknown_engine_is_named():
-    with pytest.raises(UnknownNameError, match="unknown engine 'gazebo'; known: pybullet"):
+    with pytest.raises(UnknownNameError, match="unknown engine 'gazebo'; known: mujoco, pybullet, rigid"):
         engine_class("gazebo")
 
 

@@ -143,7 +143,7 @@ def test_leaving_the_terrain_ends_the_simulation_by_name(athena):
         hk.simulate(athena, island, hk.PostureController(athena), engine="pybullet", duration=30.0, time_step=0.005)
 
 
-@pytest.mark.parametrize("engine", ["pybullet", "rigid"])
+@pytest.mark.parametrize("engine", ["pybullet", "rigid", "mujoco"])
 def test_a_ticks_rate_moment_and_last_force_are_those_of_its_steps(athena, engine):
     """The same walk read at every step: what a tick reports is what its steps would have."""
     recording = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), engine=engine, duration=1.5)
@@ -190,7 +190,7 @@ def test_a_walk_is_kept_where_a_version_cannot_be_read(athena, monkeypatch, erro
     assert set(walk.parameters["versions"]) == {"python", "hexakin"}
 
 
-@pytest.mark.parametrize("engine", ["pybullet", "rigid"])
+@pytest.mark.parametrize("engine", ["pybullet", "rigid", "mujoco"])
 def test_progress_is_shown_on_stderr_and_changes_nothing(athena, capfd, engine):
     def walk(**options):
         controller = hk.PostureController(athena)

@@ -136,7 +136,7 @@ def test_a_robot_that_lies_low_rises_first(athena):
     assert np.diff(recording.height[:40]).max() < 0.002, "without a jerk"
 
 
-@pytest.mark.parametrize("engine", ["rigid", "pybullet"])
+@pytest.mark.parametrize("engine", ["rigid", "pybullet", "mujoco"])
 @pytest.mark.parametrize("name", ["athena", "phantomx"])
 def test_a_robot_that_lies_on_its_torso_stands_up_and_walks(name, engine):
     robot = hk.load_robot(name)

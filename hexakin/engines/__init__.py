@@ -13,6 +13,7 @@ from hexakin.engines.base import Engine, Reading, TorqueLaw
 from hexakin.exceptions import UnknownNameError
 
 ENGINES = {
+    "mujoco": ("hexakin.engines.mujoco_engine", "MujocoEngine"),
     "pybullet": ("hexakin.engines.pybullet_engine", "PyBulletEngine"),
     "rigid": ("hexakin.engines.rigid_engine", "RigidEngine"),
 }

@@ -19,7 +19,7 @@ from hexakin.exceptions import InvalidInputError, shown
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7f7f7f"
 LEG_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, "#56B4E9", "#999933", "#332288")
 SIMPLE, CONTROLLED = GREY, BLUE
-ENGINE_COLOURS = {"pybullet": ORANGE, "rigid": BLUE}
+ENGINE_COLOURS = {"pybullet": ORANGE, "rigid": BLUE, "mujoco": GREEN}
 MM = 1e3
 
 STYLE: dict[str, Any] = {

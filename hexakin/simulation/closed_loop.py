@@ -68,7 +68,8 @@ def simulate(
     controller
         A controller that was made for this robot.
     engine
-        ``"pybullet"`` or ``"rigid"``. None means ``"pybullet"`` where PyBullet is installed, and ``"rigid"`` elsewhere;
+        ``"pybullet"``, ``"rigid"`` or ``"mujoco"``. ``"rigid"`` has hard contacts and exact friction, ``"mujoco"`` soft
+        contacts. None means ``"pybullet"`` where PyBullet is installed, and ``"rigid"`` elsewhere;
         ``parameters["engine_choice"]`` of the recording says which case it was.
     duration
         Duration [s] of the walk, without settling.

@@ -17,7 +17,7 @@ from hexakin.study.tables import Scalar
 
 Trial = Callable[..., Mapping[str, Any]]
 
-PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet", "pybullet-arm64")
+PACKAGES = ("numpy", "scipy", "pin", "coal", "numba", "pybullet", "pybullet-arm64", "mujoco")
 """Packages that a result may depend on; the versions of those that are installed are stored with it."""
 
 _RUNNER = __name__.rpartition(".")[0]

@@ -1,4 +1,4 @@
-"""hexakin where PyBullet is not installed: which engine is used, what the errors say, and what still works."""
+"""hexakin without PyBullet and MuJoCo: which engine is used, what the errors say, and what still works."""
 
 import json
 import subprocess
@@ -7,11 +7,12 @@ import sys
 import pytest
 from PIL import Image
 
-WITHOUT = "import sys; sys.modules['pybullet'] = None\n"  # an import of it then fails as if it were not installed
+# An import of them then fails as if they were not installed.
+WITHOUT = "import sys; sys.modules['pybullet'] = sys.modules['mujoco'] = None\n"
 
 
 def program(text, folder):
-    """Run a program in a process without PyBullet and return the last line that it prints, read as JSON."""
+    """Run a program in a process without the simulators and return the last line that it prints, read as JSON."""
     done = subprocess.run([sys.executable, "-c", WITHOUT + text], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -35,7 +36,7 @@ print(json.dumps(walk.parameters))
         assert gif.n_frames == 5 and len(gif.convert("RGB").getcolors(160 * 120)) > 50
 
 
-def test_every_module_except_the_engine_can_be_imported(tmp_path):
+def test_every_module_except_the_engines_can_be_imported(tmp_path):
     refused = program(
         """
 import importlib, json
@@ -51,7 +52,29 @@ print(json.dumps(refused))
 """,
         tmp_path,
     )
-    assert refused == {"hexakin.engines.pybullet_engine": "MissingPackageError"}
+    without = ("mujoco_engine", "mujoco_scene", "pybullet_engine")
+    assert refused == {f"hexakin.engines.{name}": "MissingPackageError" for name in without}
+
+
+def test_a_request_for_mujoco_says_what_to_install_and_what_to_use_instead(tmp_path):
+    answer = program(
+        """
+import json, hexakin as hk
+robot = hk.load_robot("athena")
+try:
+    hk.simulate(robot, hk.terrain.Plane(), hk.PostureController(robot), engine="mujoco")
+except hk.exceptions.MissingPackageError as error:
+    print(json.dumps([str(error), error.package]))
+""",
+        tmp_path,
+    )
+    how = "install it with: pip install mujoco"
+    assert answer == [f"""engine "mujoco" needs the package 'mujoco'; {how}; or use engine="rigid\"""", "mujoco"]
+
+
+def test_a_robot_is_written_as_mjcf(tmp_path):
+    code = "import json, hexakin as hk\nprint(json.dumps(hk.mjcf.to_mjcf(hk.load_robot('athena'))))"
+    assert program(code, tmp_path).startswith('<mujoco model="')
 
 
 def test_a_request_for_pybullet_says_what_to_install_and_what_to_use_instead(tmp_path):
