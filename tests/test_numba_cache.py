@@ -238,6 +238,29 @@ def test_a_kernel_takes_only_what_it_was_made_for():
         made(np.arange(3), result)
 
 
+def test_a_function_that_makes_no_arrays_may_take_parts_of_them_and_make_none():
+    from hexakin.numerics.numba_cache import no_new_arrays
+
+    @no_new_arrays
+    def sums(values):
+        total = 0.0
+        for k in range(values.shape[0]):
+            row = values[k]
+            total += row[0] + row[1]
+        return total
+
+    @no_new_arrays
+    def makes(count):
+        return np.zeros(count).sum()
+
+    values = np.ones((3, 2))
+    before = sys.getrefcount(values)
+    assert [sums(values) for _ in range(10)] == [6.0] * 10
+    assert sys.getrefcount(values) == before
+    with pytest.raises(numba.core.errors.TypingError, match="zeros"):
+        makes(3)
+
+
 def test_the_loops_run_in_python_where_numba_is_told_to_compile_nothing():
     """As by ``NUMBA_DISABLE_JIT=1``, for a debugger."""
     code = """

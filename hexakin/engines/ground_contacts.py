@@ -13,11 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hexakin.checks import Array
+from hexakin.engines.field_contacts import (
+    Scratch,
+    empty_scratch,
+    extent,
+    field_near,
+    field_sphere,
+    field_vertices,
+    keep_closest,
+    keep_deepest,
+)
 from hexakin.engines.ground_grid import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, compiled
-
-_CANDIDATES = 64  # largest number of boxes and triangles near one sphere that are compared
+from hexakin.numerics.numba_cache import Whole, no_new_arrays
 
 
 class Bodies(NamedTuple):
@@ -80,6 +88,8 @@ class Contacts(NamedTuple):
         Group (c,), as an index, of the first body's shape.
     key
         A number (c,) that identifies the contact from step to step as long as it lasts, or -1.
+    scratch
+        Arrays that the search overwrites.
     """
 
     bodies: Whole
@@ -88,6 +98,7 @@ class Contacts(NamedTuple):
     gap: Array
     group: Whole
     key: Whole
+    scratch: Scratch
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -97,21 +108,23 @@ def empty_contacts(capacity: int) -> Contacts:
     """Return arrays for ``capacity`` contacts, filled with zeros."""
     whole = np.zeros(capacity, dtype=np.int64)
     vectors = np.zeros((capacity, 3))
-    return Contacts(
-        np.zeros((capacity, 2), dtype=np.int64), vectors, vectors.copy(), np.zeros(capacity), whole, whole.copy()
-    )
+    bodies, gap = np.zeros((capacity, 2), dtype=np.int64), np.zeros(capacity)
+    return Contacts(bodies, vectors, vectors.copy(), gap, whole, whole.copy(), empty_scratch())
 
 
-@compiled
-def _extent(R: Array, half: Array, x: float, y: float, z: float) -> float:
-    """Half the extent [m] of a box along the direction (x, y, z)."""
-    reach = 0.0
+@no_new_arrays
+def _append(contacts: Contacts, count: int, body: int, group: int, row: Array, radius: float, key: int) -> int:
+    """Append the contact of a sphere with the closest point in ``row`` (7,); return the new number of contacts."""
+    if count == contacts.gap.size:
+        return count
+    contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
     for a in range(3):
-        reach += abs(R[0, a] * x + R[1, a] * y + R[2, a] * z) * half[a]
-    return reach
+        contacts.point[count, a], contacts.normal[count, a] = row[a], row[3 + a]
+    contacts.gap[count], contacts.group[count], contacts.key[count] = row[6] - radius, group, key
+    return count + 1
 
 
-@compiled
+@no_new_arrays
 def sphere_contacts(
     ground: Ground,
     body: int,
@@ -131,7 +144,8 @@ def sphere_contacts(
     ``number`` the number of the sphere, for the contacts' keys; (``x``, ``y``, ``z``) [m] is its centre and ``radius``
     [m] its radius. A corner of a box is a sphere of radius 0, for which the boxes of ``ground`` are left out.
     """
-    shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
+    shapes, field = ground.boxes.shape[0] + ground.triangles.shape[0], ground.field
+    numbers = shapes + 2 * field.z.size + 16  # more than there are triangles of the field, and planes
     for k in range(ground.planes.shape[0]):
         P = ground.planes[k]
         gap = (x - P[0]) * P[3] + (y - P[1]) * P[4] + (z - P[2]) * P[5] - radius
@@ -143,13 +157,16 @@ def sphere_contacts(
             contacts.point[count, 1] = y - (radius + gap) * P[4]
             contacts.point[count, 2] = z - (radius + gap) * P[5]
             contacts.gap[count], contacts.group[count] = gap, group
-            contacts.key[count] = number * (shapes + 16) + shapes + k
+            contacts.key[count] = number * numbers + numbers - 1 - k
             count += 1
-    if shapes == 0:
+    if shapes == 0 and field.z.size == 0:
         return count
-    rows, which, found = np.empty((_CANDIDATES, 7)), np.empty(_CANDIDATES, dtype=np.int64), 0
-    reach = radius + margin
-    i0, i1, j0, j1 = cells_within(ground, x, y, reach)
+    rows, which, row, found = contacts.scratch.rows, contacts.scratch.items, contacts.scratch.row, 0
+    if field.z.size > 0:
+        on_field = field_sphere(field, x, y, z, radius, margin, contacts.scratch)
+        for k in range(on_field):
+            count = _append(contacts, count, body, group, rows[k], radius, number * numbers + shapes + which[k])
+    i0, i1, j0, j1 = cells_within(ground, x, y, radius + margin)
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
             c = i * ground.shape[1] + j
@@ -160,15 +177,14 @@ def sphere_contacts(
                 seen = False
                 for k in range(found):
                     seen = seen or which[k] == item
-                if seen or found == _CANDIDATES:
+                if seen:
                     continue
                 if radius == 0.0:
-                    point_under_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z, rows[found])
+                    point_under_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z, row)
                 else:
-                    nearest_point(ground, item, x, y, z, rows[found])
-                if rows[found, 6] - radius <= margin:
-                    which[found] = item
-                    found += 1
+                    nearest_point(ground, item, x, y, z, row)
+                if row[6] - radius <= margin:
+                    found = keep_closest(row, item, contacts.scratch, found)
     for k in range(found):
         keep = True
         for other in range(found):
@@ -177,17 +193,12 @@ def sphere_contacts(
             closer = rows[other, 6] < rows[k, 6] - SAME or (rows[other, 6] <= rows[k, 6] + SAME and other < k)
             if closer and lies_on(ground, which[other], rows[k, 0], rows[k, 1], rows[k, 2]):
                 keep = False
-        if keep and count < contacts.gap.size:
-            contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
-            for a in range(3):
-                contacts.point[count, a], contacts.normal[count, a] = rows[k, a], rows[k, 3 + a]
-            contacts.gap[count], contacts.group[count] = rows[k, 6] - radius, group
-            contacts.key[count] = number * (shapes + 16) + which[k]
-            count += 1
+        if keep:
+            count = _append(contacts, count, body, group, rows[k], radius, number * numbers + which[k])
     return count
 
 
-@compiled
+@no_new_arrays
 def vertex_contacts(
     ground: Ground,
     body: int,
@@ -207,43 +218,38 @@ def vertex_contacts(
     because four points support a box as well as a hundred.
     """
     shapes = ground.boxes.shape[0] + ground.triangles.shape[0]
-    spread, local = np.empty(3), np.empty(3)
-    for a in range(3):
-        spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
-    best, deepest = np.full(24, -1, dtype=np.int64), np.full(24, -margin)
-    i0, i1, j0, j1 = cells_within(ground, center[0], center[1], max(spread[0], spread[1]))
+    scratch, best, deepest = contacts.scratch, contacts.scratch.best, contacts.scratch.deepest
+    reach = max(extent(R, half, 1.0, 0.0, 0.0), extent(R, half, 0.0, 1.0, 0.0)) + margin
+    height = extent(R, half, 0.0, 0.0, 1.0) + margin
+    for k in range(24):
+        deepest[k] = -margin
+    if ground.field.z.size > 0:
+        field_vertices(ground.field, R, center, half, margin, scratch)
+    i0, i1, j0, j1 = cells_within(ground, center[0], center[1], reach)
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
             c = i * ground.shape[1] + j
             for index in range(ground.start[c], ground.start[c + 1]):
                 item = ground.items[index] - shapes
-                if item < 0 or abs(ground.vertices[item, 2] - center[2]) > spread[2]:
+                if item < 0 or abs(ground.vertices[item, 2] - center[2]) > height:
                     continue
-                depth, axis = np.inf, 0
                 for a in range(3):
-                    local[a] = 0.0
-                    for b in range(3):
-                        local[a] += R[b, a] * (ground.vertices[item, b] - center[b])
-                    if half[a] - abs(local[a]) < depth:
-                        depth, axis = half[a] - abs(local[a]), a
-                # The octant determines which of the two faces along the axis is meant, and the quarter of that face.
-                octant = (local[0] > 0.0) + 2 * (local[1] > 0.0) + 4 * (local[2] > 0.0)
-                if depth > deepest[8 * axis + octant]:
-                    best[8 * axis + octant], deepest[8 * axis + octant] = item, depth
+                    scratch.point[a] = ground.vertices[item, a]
+                keep_deepest(R, center, half, scratch)
     for k in range(24):
-        if best[k] >= 0 and count < contacts.gap.size:
+        if deepest[k] > -margin and count < contacts.gap.size:
             axis = k // 8
             sign = 1.0 if (k % 8) & (1 << axis) else -1.0
             contacts.bodies[count, 0], contacts.bodies[count, 1] = body, -1
             for b in range(3):
-                contacts.point[count, b] = ground.vertices[best[k], b]
+                contacts.point[count, b] = best[k, b]
                 contacts.normal[count, b] = -sign * R[b, axis]
             contacts.gap[count], contacts.group[count], contacts.key[count] = -deepest[k], group, -1
             count += 1
     return count
 
 
-@compiled
+@no_new_arrays
 def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float) -> bool:
     """Whether ``ground`` may penetrate a box or be within ``margin`` [m] of it; the box as for ``vertex_contacts``.
 
@@ -252,11 +258,13 @@ def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float
     for k in range(ground.planes.shape[0]):
         P = ground.planes[k]
         gap = (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5]
-        if gap <= _extent(R, half, P[3], P[4], P[5]) + margin:
+        if gap <= extent(R, half, P[3], P[4], P[5]) + margin:
             return True
+    if ground.field.z.size > 0 and field_near(ground.field, R, center, half, margin):
+        return True
     if ground.items.size > 0:
-        reach = max(_extent(R, half, 1.0, 0.0, 0.0), _extent(R, half, 0.0, 1.0, 0.0)) + margin
-        low = center[2] - _extent(R, half, 0.0, 0.0, 1.0) - margin
+        reach = max(extent(R, half, 1.0, 0.0, 0.0), extent(R, half, 0.0, 1.0, 0.0)) + margin
+        low = center[2] - extent(R, half, 0.0, 0.0, 1.0) - margin
         i0, i1, j0, j1 = cells_within(ground, center[0], center[1], reach)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
@@ -265,7 +273,7 @@ def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float
     return False
 
 
-@compiled
+@no_new_arrays
 def box_pairs(
     ground: Ground, box: int, R: Array, center: Array, half: Array, margin: float, pairs: Whole, count: int
 ) -> int:
@@ -275,10 +283,10 @@ def box_pairs(
     ``box``. ``R`` (3, 3), ``center`` (3,) [m] and ``half`` (3,) [m] are rotation, centre and half edge lengths of this
     box. ``pairs`` holds ``count`` pairs before.
     """
-    spread = np.empty(3)
-    for a in range(3):
-        spread[a] = abs(R[a, 0]) * half[0] + abs(R[a, 1]) * half[1] + abs(R[a, 2]) * half[2] + margin
-    i0, i1, j0, j1 = cells_within(ground, center[0], center[1], max(spread[0], spread[1]))
+    dx = extent(R, half, 1.0, 0.0, 0.0) + margin
+    dy = extent(R, half, 0.0, 1.0, 0.0) + margin
+    dz = extent(R, half, 0.0, 0.0, 1.0) + margin
+    i0, i1, j0, j1 = cells_within(ground, center[0], center[1], max(dx, dy))
     first = count
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
@@ -288,9 +296,14 @@ def box_pairs(
                 if item >= ground.boxes.shape[0] or count >= pairs.shape[0]:
                     continue
                 B = ground.boxes[item]
-                near = True
-                for a in range(3):
-                    near = near and B[a] <= center[a] + spread[a] and center[a] - spread[a] <= B[3 + a]
+                near = (
+                    B[0] <= center[0] + dx
+                    and center[0] - dx <= B[3]
+                    and B[1] <= center[1] + dy
+                    and center[1] - dy <= B[4]
+                    and B[2] <= center[2] + dz
+                    and center[2] - dz <= B[5]
+                )
                 for old in range(first, count):
                     near = near and pairs[old, 1] != item
                 if near:
@@ -299,7 +312,7 @@ def box_pairs(
     return count
 
 
-@compiled
+@no_new_arrays
 def _center(P: Array, x: Array, out: Array) -> None:
     """Write point ``x`` of a joint's frame, in world coordinates, to ``out``.
 
@@ -309,14 +322,14 @@ def _center(P: Array, x: Array, out: Array) -> None:
         out[a] = P[a] * x[0] + P[3 + a] * x[1] + P[6 + a] * x[2] + P[9 + a]
 
 
-@compiled
+@no_new_arrays
 def _rotation(P: Array, R_joint: Array, out: Array) -> None:
     for a in range(3):
         for b in range(3):
             out[a, b] = P[a] * R_joint[0, b] + P[3 + a] * R_joint[1, b] + P[6 + a] * R_joint[2, b]
 
 
-@compiled
+@no_new_arrays
 def find_contacts(
     poses: Array, bodies: Bodies, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
 ) -> tuple[int, int]:
@@ -326,7 +339,7 @@ def find_contacts(
     the number of contacts written to ``contacts``, and the number of ``pairs`` (body's box, box of the ground) that are
     close to each other. The contacts of these pairs are computed by ``hexakin.engines.box_contacts``.
     """
-    count, near, number, x = 0, 0, 0, np.empty(3)
+    count, near, number, x = 0, 0, 0, contacts.scratch.point
     for k in range(bodies.sphere_joint.size):
         S = bodies.sphere[k]
         _center(poses[bodies.sphere_joint[k]], S, x)
@@ -344,7 +357,7 @@ def find_contacts(
             count,
         )
         number += 1
-    R, center = np.empty((3, 3)), np.empty(3)
+    R, center = contacts.scratch.rotation, contacts.scratch.center
     for k in range(bodies.box_joint.size):
         P, B, joint, group = poses[bodies.box_joint[k]], bodies.box[k], bodies.box_joint[k], bodies.box_group[k]
         _center(P, B, center)
@@ -358,7 +371,7 @@ def find_contacts(
                 count = sphere_contacts(
                     ground, joint, group, number + corner, x[0], x[1], x[2], 0.0, margin, contacts, count
                 )
-            if ground.vertices.shape[0] > 0:
+            if ground.vertices.shape[0] > 0 or ground.field.z.size > 0:
                 count = vertex_contacts(ground, joint, group, R, center, B[3:], margin, contacts, count)
             if ground.boxes.shape[0] > 0:
                 near = box_pairs(ground, k, R, center, B[3:], margin, pairs, near)

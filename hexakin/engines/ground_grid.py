@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hexakin.checks import Array
+from hexakin.engines.field_grid import Field, compile_field, no_field
 from hexakin.exceptions import InvalidInputError, shown
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, compiled
+from hexakin.numerics.numba_cache import Whole, no_new_arrays
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.terrain.height_field import GridMesh
 
 SAME = 1e-9  # [m] points that are closer count as the same point
 
@@ -19,7 +21,8 @@ class Ground(NamedTuple):
     """A terrain for the compiled search.
 
     Boxes, triangles and vertices are items with consecutive numbers, in this order. Each square cell of a horizontal
-    grid has a list of the items whose projection meets it.
+    grid has a list of the items whose projection meets it. A height field needs no lists, because the place of a
+    triangle in its grid gives its number; its triangles are numbered after the others.
 
     Parameters
     ----------
@@ -41,6 +44,8 @@ class Ground(NamedTuple):
         The items of cell c are ``items[start[c]:start[c + 1]]``.
     top
         Greatest height (cells,) [m] of the items of each cell; -inf for a cell without items.
+    field
+        The height field, or a field without points.
     """
 
     planes: Array
@@ -53,6 +58,7 @@ class Ground(NamedTuple):
     start: Whole
     items: Whole
     top: Array
+    field: Field
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -63,53 +69,56 @@ def compile_ground(terrain: Terrain) -> Ground:
 
     Raises InvalidInputError for a type of shape that this engine does not support and for a triangle without area.
     """
-    planes, boxes, meshes = [], [], []
+    planes, boxes, meshes, field = [], [], [], no_field()
     for shape in terrain.shapes():
         if isinstance(shape, HalfSpace):
             planes.append([*shape.point, *shape.normal])
         elif isinstance(shape, Box):
             boxes.append([*shape.lower, *shape.upper])
+        elif isinstance(shape, GridMesh) and field.z.size == 0:
+            field = compile_field(shape)
         elif isinstance(shape, TriangleMesh):
             meshes.append(shape)
         else:
             raise InvalidInputError(f"terrain: shape {shown(shape)} is not supported by engine 'rigid'")
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes] or [np.zeros((0, 3, 3))])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
-    if (sizes <= 0.0).any():
-        raise InvalidInputError(f"terrain: triangle {int(np.argmin(sizes)) + 1} of its mesh has no area")
-    triangles = np.concatenate([corners.reshape(-1, 9), normals / sizes], axis=1)
+    areas = np.linalg.norm(normals, axis=1, keepdims=True)
+    if (areas <= 0.0).any():
+        raise InvalidInputError(f"terrain: triangle {int(np.argmin(areas)) + 1} of its mesh has no area")
+    triangles = np.concatenate([corners.reshape(-1, 9), normals / areas], axis=1)
     vertices = np.concatenate([mesh.vertices for mesh in meshes] or [np.zeros((0, 3))])
     solid = np.array(boxes, dtype=float).reshape(-1, 6)
     low = np.concatenate([solid[:, :2], corners[:, :, :2].min(axis=1), vertices[:, :2]])
     high = np.concatenate([solid[:, 3:5], corners[:, :, :2].max(axis=1), vertices[:, :2]])
-    owners = range(len(low))
-    if len(low) == 0:
-        low = high = np.zeros((1, 2))
+    heights = np.concatenate([solid[:, 5], corners[:, :, 2].max(axis=1), vertices[:, 2]])
     areal = (high - low).max(axis=1)
     areal = areal[areal > 0.0]
-    corner = low.min(axis=0)
-    span = high.max(axis=0) - corner
+    corner = low.min(axis=0) if len(low) else np.zeros(2)
+    span = high.max(axis=0) - corner if len(low) else np.zeros(2)
     # About one shape per cell, and at most a million cells.
     cell = float(max(np.median(areal) if len(areal) else 1.0, np.sqrt(span[0] * span[1] / 1e6), 1e-6))
-    shape = np.floor(span / cell).astype(np.int64) + 1
-    first, last = np.floor((low - corner) / cell).astype(int), np.floor((high - corner) / cell).astype(int)
-    members: list[list[int]] = [[] for _ in range(int(shape[0] * shape[1]))]
-    for k in owners:
-        for i in range(first[k, 0], last[k, 0] + 1):
-            for j in range(first[k, 1], last[k, 1] + 1):
-                members[i * int(shape[1]) + j].append(k)
-    start = np.concatenate([[0], np.cumsum([len(cell_items) for cell_items in members])]).astype(np.int64)
-    items = np.array([k for cell_items in members for k in cell_items], dtype=np.int64)
-    heights = np.concatenate([solid[:, 5], corners[:, :, 2].max(axis=1), vertices[:, 2]])
-    top = np.array([max((heights[k] for k in cell_items), default=-np.inf) for cell_items in members])
+    cells = np.floor(span / cell).astype(np.int64) + 1
+    first, last = np.floor((low - corner) / cell).astype(np.int64), np.floor((high - corner) / cell).astype(np.int64)
+    sizes = last - first + 1
+    counts = sizes.prod(axis=1)
+    owner = np.repeat(np.arange(len(low)), counts)
+    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    i, j = first[owner].T + np.divmod(place, sizes[owner, 1])
+    number, total = i * cells[1] + j, int(cells.prod())
+    start = np.concatenate([[0], np.cumsum(np.bincount(number, minlength=total))]).astype(np.int64)
+    items = owner[np.argsort(number, kind="stable")].astype(np.int64)
+    top = np.full(total, -np.inf)
+    np.maximum.at(top, number, heights[owner])
     half_spaces = np.array(planes, dtype=float).reshape(-1, 6)
-    return Ground(half_spaces, solid, triangles, vertices, corner, cell, shape, start, items, top)
+    return Ground(half_spaces, solid, triangles, vertices, corner, cell, cells, start, items, top, field)
 
 
-@compiled
-def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
+@no_new_arrays
+def nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
     """Closest point of a triangle to a point, and whether it is in the triangle's interior, not on its border.
+
+    ``T`` (12,) is the triangle, as in ``Ground``, and (``px``, ``py``, ``pz``) [m] the point.
 
     C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5.
     """
@@ -144,14 +153,14 @@ def _nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[flo
     return ax + s * ux + t * wx, ay + s * uy + t * wy, az + s * uz + t * wz, True
 
 
-@compiled
+@no_new_arrays
 def _box_distance(B: Array, x: float, y: float, z: float) -> float:
     """Distance [m] from a point to a box; 0 inside the box."""
     dx, dy, dz = max(B[0] - x, 0.0, x - B[3]), max(B[1] - y, 0.0, y - B[4]), max(B[2] - z, 0.0, z - B[5])
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@compiled
+@no_new_arrays
 def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: Array) -> None:
     """Find the closest point of a box or triangle to the point (``x``, ``y``, ``z``) [m].
 
@@ -180,7 +189,7 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
             cx, cy, cz = x - distance * row[3], y - distance * row[4], z - distance * row[5]
     else:
         T = ground.triangles[item - ground.boxes.shape[0]]
-        cx, cy, cz, inside = _nearest_on_triangle(T, x, y, z)
+        cx, cy, cz, inside = nearest_on_triangle(T, x, y, z)
         dx, dy, dz = x - cx, y - cy, z - cz
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         below = dx * T[9] + dy * T[10] + dz * T[11] < 0.0
@@ -194,7 +203,7 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
     row[0], row[1], row[2], row[6] = cx, cy, cz, distance
 
 
-@compiled
+@no_new_arrays
 def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
     """Find the closest point of the plane of a triangle, for a point that may be in the ground.
 
@@ -211,16 +220,16 @@ def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> 
     row[3], row[4], row[5], row[6] = T[9], T[10], T[11], distance
 
 
-@compiled
+@no_new_arrays
 def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
     """Whether the point (``x``, ``y``, ``z``) [m] is on or in box or triangle number ``item`` of ``ground``."""
     if item < ground.boxes.shape[0]:
         return _box_distance(ground.boxes[item], x, y, z) <= SAME
-    cx, cy, cz, _ = _nearest_on_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z)
+    cx, cy, cz, _ = nearest_on_triangle(ground.triangles[item - ground.boxes.shape[0]], x, y, z)
     return (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2 <= SAME * SAME
 
 
-@compiled
+@no_new_arrays
 def cells_within(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
     """First and last i, then first and last j, of the cells of ``ground`` within ``reach`` [m] of a point.
 

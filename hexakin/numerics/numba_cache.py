@@ -143,12 +143,25 @@ class _Cache(FunctionCache):
             tell_once(f"the machine code cannot be kept in {self.cache_path}: {error.strerror}")
 
 
-def compiled(function: _Function) -> _Function:
-    """Compile ``function`` at its first call and store the machine code, if a folder can be written."""
-    dispatcher: Any = numba.njit(error_model="numpy")(function)
+def _stored(dispatcher: Any, function: _Function) -> _Function:
     with contextlib.suppress(RuntimeError):  # no folder can be written
         dispatcher._cache = _Cache(function)
     return cast(_Function, dispatcher)
+
+
+def compiled(function: _Function) -> _Function:
+    """Compile ``function`` at its first call and store the machine code, if a folder can be written."""
+    return _stored(numba.njit(error_model="numpy")(function), function)
+
+
+def no_new_arrays(function: _Function) -> _Function:
+    """Compile ``function`` like ``compiled``, without counting the references to arrays.
+
+    The function must neither make nor return arrays; numba refuses to compile one that makes them. Counting takes most
+    of the time of a short function whose arguments are named tuples with many arrays.
+    """
+    jit: Any = numba.njit
+    return _stored(jit(error_model="numpy", _nrt=False)(function), function)
 
 
 def contracted(function: _Function) -> _Function:

@@ -15,8 +15,8 @@ from hexakin.numerics.display import short_repr
 FARTHEST = 1e9
 """Largest coordinate [m] of a terrain or a point; assumed: a hundred times those of maps, and rounded to 0.1 um."""
 
-MOST_POINTS = 4_000_000
-"""Largest number of points of a height field; assumed: the engines' mesh of 8 million triangles then takes 0.3 GB."""
+MOST_POINTS = 5_000_000
+"""Largest number of points of a height field; assumed: its heights take 40 MB, and its triangle mesh 0.4 GB."""
 
 _UNIT_ERROR = 1e-6  # allowed error of a unit vector's length; rounding in single precision is below it
 

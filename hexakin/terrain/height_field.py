@@ -10,12 +10,46 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_path, read_only
 from hexakin.exceptions import InvalidInputError, TerrainFileError
 from hexakin.terrain.base import MOST_POINTS, TriangleMesh, check_points, check_positions, check_rays
 from hexakin.terrain.elevation_file import read_elevation
+
+
+class GridMesh(TriangleMesh):
+    """The triangle mesh of a height field, which engines may also read as the grid that it is.
+
+    ``x`` (nx,), ``y`` (ny,) and ``z`` (nx, ny) [m] are read-only arrays, as in ``HeightField``. ``vertices`` and
+    ``triangles`` are made anew at each access, because they take ten times the memory of ``z``. The triangles of cell
+    (i, j) have the numbers i * (ny - 1) + j, with its corners (i, j), (i + 1, j) and (i, j + 1), and
+    (nx - 1) * (ny - 1) more, with its other three corners.
+    """
+
+    def __init__(self, x: Array, y: Array, z: Array):
+        for name, values in (("x", x), ("y", y), ("z", z)):
+            object.__setattr__(self, name, values)
+
+    x: Array
+    y: Array
+    z: Array
+
+    def __repr__(self) -> str:
+        return f"GridMesh({self.z.shape[0]} x {self.z.shape[1]} points)"
+
+    @property
+    def vertices(self) -> Array:
+        """Points (nx * ny, 3) [m]; that of grid point (i, j) has the number i * ny + j."""
+        X, Y = np.meshgrid(self.x, self.y, indexing="ij")
+        return np.stack([X, Y, self.z], axis=-1).reshape(-1, 3)
+
+    @property
+    def triangles(self) -> NDArray[np.int_]:
+        """Indices (t, 3) of the points of each triangle, counter-clockwise seen from above."""
+        index = np.arange(self.z.size).reshape(self.z.shape)
+        a, b, c, d = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
+        return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +60,7 @@ class HeightField:
     descending axis, as in images and elevation data, is turned round together with ``z``, so that ``x`` and ``y`` of
     the terrain ascend. An axis of single precision is evenly spaced if it is so up to its rounding. Raises
     InvalidInputError for a grid that is not evenly spaced, for values that are not finite or beyond 1e9 m, and for more
-    than 4 million points. Its functions raise InvalidInputError for points outside the grid.
+    than 5 million points. Its functions raise InvalidInputError for points outside the grid.
     """
 
     x: Array
@@ -68,7 +102,7 @@ class HeightField:
         is taken to be in metres.
 
         Raises InvalidInputError for an argument out of its range, and MissingPackageError without rasterio. Raises
-        TerrainFileError, which names the file and the fault, if it cannot be read, has more than 4 million points (in
+        TerrainFileError, which names the file and the fault, if it cannot be read, has more than 5 million points (in
         the ``window``), missing heights, coordinates in degrees or another unit than metres, or a rotated grid.
 
         Parameters
@@ -99,12 +133,14 @@ class HeightField:
         except InvalidInputError as error:
             raise TerrainFileError(f"{file}: {error}") from error
 
+    @cached_property
+    def _digest(self) -> str:
+        return hashlib.sha256(self.z.tobytes()).hexdigest()[:12]
+
     def __repr__(self) -> str:
-        digest = hashlib.sha256(self.z.tobytes()).hexdigest()[:12]
         grid = f"{self.z.shape[0]} x {self.z.shape[1]} points"
-        return (
-            f"HeightField({grid}, x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m, {digest})"
-        )
+        span = f"x {self.x[0]:g} to {self.x[-1]:g} m, y {self.y[0]:g} to {self.y[-1]:g} m"
+        return f"HeightField({grid}, {span}, {self._digest})"
 
     def _checked(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         px, py = check_points(x, y)
@@ -196,14 +232,13 @@ class HeightField:
             return math.inf
         return float(t[k] if k == 0 else t[k - 1] + (t[k] - t[k - 1]) * gap[k - 1] / (gap[k - 1] - gap[k]))
 
-    def shapes(self) -> tuple[TriangleMesh, ...]:
-        """Return the surface as one triangle mesh."""
-        X, Y = np.meshgrid(self.x, self.y, indexing="ij")
-        vertices = np.stack([X, Y, self.z], axis=-1).reshape(-1, 3)
-        index = np.arange(self.z.size).reshape(self.z.shape)
-        a, b, c, d = index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]
-        triangles = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
-        return (TriangleMesh(vertices, triangles),)
+    @cached_property
+    def _mesh(self) -> GridMesh:
+        return GridMesh(self.x, self.y, self.z)
+
+    def shapes(self) -> tuple[GridMesh, ...]:
+        """Return the surface as one triangle mesh, the same one in each call."""
+        return (self._mesh,)
 
 
 def _axis(name: str, values: ArrayLike) -> Array:
