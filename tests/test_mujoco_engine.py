@@ -423,6 +423,13 @@ class Mesh(hk.terrain.Plane):
         return (self.mesh,)
 
 
+def test_the_triangles_of_a_grid_may_have_any_order(athena, rng):
+    (mesh,) = rough(0.1).shapes()
+    shuffled = np.roll(rng.permutation(mesh.triangles), 1, axis=1)
+    heights = [mujoco_engine(athena, Mesh(mesh.vertices, t))._model.hfield_data for t in (mesh.triangles, shuffled)]
+    assert np.array_equal(*heights) and heights[0].max() == 1.0
+
+
 @pytest.mark.parametrize("change", ["moved point", "other diagonals", "missing triangle", "one triangle"])
 def test_a_mesh_that_is_not_a_grid_is_refused_by_name(athena, change):
     (mesh,) = rough(0.1).shapes()

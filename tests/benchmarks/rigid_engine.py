@@ -3,7 +3,8 @@
     python tests/benchmarks/rigid_engine.py [--quick]
 
 All three run the same joint commands of ATHENA's walk at steps of 1 ms, on level ground and on blocks. MuJoCo has the
-same URDF, and position servos with the same rate, torque limit and friction. The closed loop is ``hexakin.simulate``,
+model of ``hk.mjcf.to_mjcf`` with its default contacts and solver, and position servos with the same rate, torque limit
+and friction; engine "mujoco" has other servos and contacts, and sensors. The closed loop is ``hexakin.simulate``,
 with controller, sensors and recording. Engine "pybullet" is hexakin's: it reads contacts and rates from PyBullet in
 every step, because the sensors need their means. Engine "rigid" computes the same means. "pybullet, no sensors" and
 MuJoCo only make steps. Engines with different contact laws do not walk equally far: it is checked first that the bodies
@@ -14,7 +15,6 @@ import functools
 import subprocess
 import sys
 import time
-import xml.etree.ElementTree as ET
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,7 +22,6 @@ from comparison import alone, compared, installed, interleaved, timed
 
 import hexakin as hk
 from hexakin.engines import engine_class
-from hexakin.robot.urdf import to_urdf
 from hexakin.simulation.closed_loop import starting_pose
 
 SECONDS, STEPS_PER_TICK = 4.0, 50
@@ -33,23 +32,16 @@ athena = hk.load_robot("athena")
 
 
 class MuJoCo:
-    """The URDF with a free base and position servos; blocks as boxes."""
+    """The robot's MJCF with position servos; blocks as boxes."""
 
     def __init__(self, robot, terrain):
         import mujoco
 
         self.mujoco = mujoco
-        root = ET.fromstring(to_urdf(robot))
-        # Keep the torso as a separate body, with its own mass and inertia.
-        extension = ET.SubElement(root, "mujoco")
-        ET.SubElement(extension, "compiler", fusestatic="false", discardvisual="true", balanceinertia="true")
-        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+        spec = mujoco.MjSpec.from_string(hk.mjcf.to_mjcf(robot))
         spec.option.timestep = 1e-3
-        torso = spec.body("torso")
-        torso.add_freejoint()
         for geom in spec.geoms:
-            # Feet and limbs collide with the ground, not with each other.
-            geom.friction[0], geom.contype, geom.conaffinity = 0.9, 1, 0
+            geom.friction[0] = 0.9
         for shape in terrain.shapes():
             if isinstance(shape, hk.terrain.Box):
                 low, high = np.array(shape.lower), np.array(shape.upper)
@@ -66,7 +58,8 @@ class MuJoCo:
         for name in names:
             # Light links need an armature here. Stiffness and damping give the servo the robot's rate.
             spec.joint(name).armature = 0.01
-            servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            servo = spec.actuator(name)
+            servo.ctrllimited = False  # it is an angle, not the torque of a motor
             damping = 2.0
             servo.gainprm[0] = damping * robot.servo.rate
             servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
