@@ -14,7 +14,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 p
 VENV := .venv
 RUN := $(VENV)/bin/python -m
 # What environment.txt has besides the library: the extras that `make reproduce` and `make test` need.
-EXTRAS := notebooks reference tests build
+EXTRAS := notebooks reference tests build mujoco
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce test test-wheel lab reference benchmarks notebooks environment generated clean

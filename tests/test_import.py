@@ -47,6 +47,17 @@ def test_the_engine_mujoco_loads_only_its_package_and_prints_nothing():
     assert done.returncode == 0 and done.stdout == done.stderr == b""
 
 
+@pytest.mark.mujoco
+def test_a_walk_on_mujoco_needs_no_other_engines_packages():
+    code = (
+        "import hexakin as hk\n"
+        "robot = hk.load_robot('athena')\n"
+        "controller = hk.PostureController(robot)\n"
+        "hk.simulate(robot, hk.terrain.Plane(), controller, engine='mujoco', duration=0.1, settling_time=0.1)"
+    )
+    assert not {"pinocchio", "numba", "pybullet"} & set(loaded_after(code))
+
+
 def test_drawing_loads_no_package_that_computes():
     for name in ("animation", "figures"):
         assert not {"casadi", "sympy", "pinocchio", "pybullet", "mujoco", "numba"} & set(

@@ -57,19 +57,34 @@ print(json.dumps(refused))
 
 
 def test_a_request_for_mujoco_says_what_to_install_and_what_to_use_instead(tmp_path):
-    answer = program(
+    answers = program(
         """
-import json, hexakin as hk
+import json, platform, hexakin as hk
 robot = hk.load_robot("athena")
-try:
-    hk.simulate(robot, hk.terrain.Plane(), hk.PostureController(robot), engine="mujoco")
-except hk.exceptions.MissingPackageError as error:
-    print(json.dumps([str(error), error.package]))
+answers = []
+for python, system, machine in [
+    ("3.11.7", "linux", "aarch64"),
+    ("3.13.0", "darwin", "x86_64"),
+    ("3.14.0", "darwin", "x86_64"),
+]:
+    sys.version_info, sys.platform = (*map(int, python.split(".")), "final", 0), system
+    platform.python_version, platform.system, platform.machine = (lambda v=v: v for v in (python, system, machine))
+    try:
+        hk.simulate(robot, hk.terrain.Plane(), hk.PostureController(robot), engine="mujoco")
+    except hk.exceptions.MissingPackageError as error:
+        answers.append(str(error))
+print(json.dumps(answers))
 """,
         tmp_path,
     )
-    how = "install it with: pip install mujoco"
-    assert answer == [f"""engine "mujoco" needs the package 'mujoco'; {how}; or use engine="rigid\"""", "mujoco"]
+    assert answers == [
+        f"""engine "mujoco" needs the package 'mujoco'; {how}; or use engine="rigid\""""
+        for how in (
+            "install it with: pip install mujoco",
+            'install it with: pip install "mujoco<3.7"',
+            "there is none for Python 3.14.0 on darwin x86_64",
+        )
+    ]
 
 
 def test_a_robot_is_written_as_mjcf(tmp_path):

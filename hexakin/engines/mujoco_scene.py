@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import platform
+import sys
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -18,10 +20,18 @@ from hexakin.robot.urdf import TORSO
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 from hexakin.transforms import rotation_between
 
+
+def _install() -> str:
+    """Return the command that installs MuJoCo; empty if it has no wheel."""
+    if (sys.platform, platform.machine()) != ("darwin", "x86_64"):
+        return "pip install mujoco"
+    return 'pip install "mujoco<3.7"' if sys.version_info < (3, 14) else ""
+
+
 try:
     import mujoco
 except ImportError as error:
-    raise MissingPackageError("mujoco", 'engine "mujoco"', "pip install mujoco", 'use engine="rigid"') from error
+    raise MissingPackageError("mujoco", 'engine "mujoco"', _install(), 'use engine="rigid"') from error
 
 __all__ = ["SERVO_IMPEDANCE", "ContactParameters", "Scene", "build_scene", "mujoco"]
 

@@ -80,7 +80,7 @@ def main() -> None:
         folder, count = Path(name), 0
         print(f"Installing the wheel with {chosen}", flush=True)
         python = new_environment(folder / "venv", chosen)
-        install(python, "--constraint", ROOT / "environment.txt", f"{built_wheel(folder)}[animation]")
+        install(python, "--constraint", ROOT / "environment.txt", f"{built_wheel(folder)}[animation,mujoco]")
         for package in PYBULLET:
             if installed(python, package):
                 print(f"With {package}:", flush=True)

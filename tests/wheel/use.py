@@ -39,7 +39,7 @@ else:
     raise AssertionError("numbers passed as flags")
 
 walks = {"": hk.simulate(robot, ramp, controller, duration=1.0, seed=0)}
-for engine in ("rigid", "pybullet"):
+for engine in ("rigid", "mujoco", "pybullet"):
     try:
         walks[engine] = hk.simulate(robot, ramp, controller, engine=engine, duration=1.0, seed=0)
     except hk.exceptions.MissingPackageError as error:
