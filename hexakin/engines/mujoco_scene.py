@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import platform
 import sys
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from hexakin.robot.mjcf import to_mjcf
 from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.robot.urdf import TORSO
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.terrain.height_field import GridMesh
 from hexakin.transforms import rotation_between
 
 
@@ -72,7 +72,7 @@ def build_scene(
 ) -> Scene:
     """Return the model of ``robot`` on ``terrain`` with elliptic friction cones; see ``MujocoEngine``.
 
-    Raises InvalidInputError for a triangle mesh that is not a grid, and for a robot that MuJoCo refuses.
+    Raises InvalidInputError for a triangle mesh that is not that of a HeightField, and for a robot that MuJoCo refuses.
     """
     spec = mujoco.MjSpec.from_string(to_mjcf(robot))
     spec.compiler.fusestatic = True  # the feet become parts of the tibiae
@@ -118,56 +118,29 @@ def _add_ground(spec: mujoco.MjSpec, shape: HalfSpace | TriangleMesh | Box, name
         lower, upper = np.array(shape.lower), np.array(shape.upper)
         ground.type = mujoco.mjtGeom.mjGEOM_BOX
         ground.size, ground.pos = 0.5 * (upper - lower), 0.5 * (lower + upper)
+    elif isinstance(shape, GridMesh):
+        _add_field(spec, ground, shape)
     else:
-        grid = _heights(shape)
-        lower, upper = grid.min(axis=(0, 1)), grid.max(axis=(0, 1))
-        # MuJoCo's rows lie along y, and its triangles have the other diagonal of a cell. With the field turned by 90
-        # degrees its columns (its x axis) point along y and its rows (its y axis) along -x.
-        spec.add_hfield(
-            name=name,
-            nrow=grid.shape[0],
-            ncol=grid.shape[1],
-            size=[0.5 * (upper[1] - lower[1]), 0.5 * (upper[0] - lower[0]), _range(grid), _range(grid)],
-            userdata=(grid[::-1, :, 2] - lower[2]).ravel(),
-        )
-        ground.type, ground.hfieldname = mujoco.mjtGeom.mjGEOM_HFIELD, name
-        ground.pos = [*(0.5 * (lower + upper))[:2], lower[2]]
-        ground.quat = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
+        raise InvalidInputError('terrain: engine "mujoco" takes no triangle mesh but that of a HeightField')
+
+
+def _add_field(spec: mujoco.MjSpec, ground: mujoco.MjsGeom, grid: GridMesh) -> None:
+    """Add a height field. MuJoCo stores heights in single precision, as shares of their range."""
+    lowest, height = float(grid.z.min()), float(np.ptp(grid.z)) or 1.0  # MuJoCo demands a range, of level ground too
+    half_x, half_y = 0.5 * (grid.x[-1] - grid.x[0]), 0.5 * (grid.y[-1] - grid.y[0])
+    # MuJoCo's rows lie along its y axis, and its triangles have the other diagonal of a cell. The field is turned by 90
+    # degrees about z: its columns, along its x axis, follow our y, and its rows follow our -x.
+    spec.add_hfield(
+        name=ground.name,
+        nrow=len(grid.x),
+        ncol=len(grid.y),
+        size=[half_y, half_x, height, height],  # the last is the depth of the ground below the lowest point
+        userdata=(grid.z[::-1] - lowest).ravel(),
+    )
+    ground.type, ground.hfieldname = mujoco.mjtGeom.mjGEOM_HFIELD, ground.name
+    ground.pos = [grid.x[0] + half_x, grid.y[0] + half_y, lowest]
+    ground.quat = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
 
 
 def _quat_wxyz(rotation: Array) -> Array:
     return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
-
-
-def _range(grid: Array) -> float:
-    """Return the range of the heights [m]; 1 m for level ground, because MuJoCo demands a range."""
-    return float(np.ptp(grid[..., 2])) or 1.0
-
-
-def _heights(mesh: TriangleMesh) -> Array:
-    """Return the points (nx, ny, 3) [m] of a mesh that is a grid; raise InvalidInputError for another mesh."""
-    vertices = mesh.vertices
-    count = int(np.argmax(np.append(vertices[:, 0] != vertices[0, 0], True)))  # points with the first x
-    if count > 1 and len(vertices) % count == 0 and len(vertices) > count:
-        grid = vertices.reshape(-1, count, 3)
-        steps = [np.diff(grid[..., axis], axis=axis) for axis in (0, 1)]
-        even = all(step.min() > 0.0 and np.ptp(step) <= 1e-6 * step.max() for step in steps)
-        along = not np.ptp(grid[..., 0], axis=1).any() and not np.ptp(grid[..., 1], axis=0).any()
-        if even and along and _same_triangles(mesh, grid.shape[:2]):
-            return grid
-    raise InvalidInputError(
-        'terrain: engine "mujoco" takes a triangle mesh only if it is an evenly spaced grid like that of HeightField'
-    )
-
-
-def _same_triangles(mesh: TriangleMesh, shape: Iterable[int]) -> bool:
-    """Whether each cell of the grid is divided by the diagonal from its largest y to its largest x."""
-    index = np.arange(len(mesh.vertices)).reshape(tuple(shape))
-    a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[:-1, 1:], index[1:, 1:]))
-    expected = np.concatenate([np.stack([a, b, c], -1), np.stack([b, d, c], -1)])
-    if mesh.triangles.shape != expected.shape:
-        return False
-    if np.array_equal(mesh.triangles, expected):  # the order of HeightField; sorting takes seconds for large fields
-        return True
-    given, wanted = (np.sort(triangles, axis=1) for triangles in (mesh.triangles, expected))
-    return bool(np.array_equal(given[np.lexsort(given.T)], wanted[np.lexsort(wanted.T)]))
