@@ -49,7 +49,7 @@ class MujocoEngine(Engine):
     ``robot``, ``terrain``, ``time_step`` [s], ``friction`` and ``restitution`` are those of ``Engine``. ``impedance``,
     ``impratio`` and ``damping_ratio`` are those of ``ContactParameters``. MuJoCo's Newton solver stops when a step
     improves the scaled cost by less than ``solver_tolerance``, or after ``solver_iterations``. Raises InvalidInputError
-    for a number out of its range, a robot whose feet have no radius, and a terrain with a triangle mesh that is not that
+    for a number out of its range, a robot whose feet have no radius, and a terrain with a triangle mesh other than that
     of a ``HeightField``.
     """
 
