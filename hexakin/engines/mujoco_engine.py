@@ -31,16 +31,17 @@ class MujocoEngine(Engine):
     servo's speed, between the two halves of MuJoCo's step.
 
     MuJoCo's contacts are soft: a loaded contact gives way, and a foot that sticks creeps at a speed in proportion to
-    its load. With the defaults, at 1 ms, the shipped robots stand with a penetration of at most 0.1 mm, and their feet
+    its load. With the defaults, at 1 ms, ATHENA and PhantomX stand with a penetration of at most 0.1 mm, and their feet
     creep by at most 0.08 mm in 7 s on a slope of 20 degrees (7.6 mm with MuJoCo's ``impratio`` of 1). The defaults are
     the softest contacts that keep penetration and creep below 0.1 mm, among the impedances 0.9, 0.95, 0.99, 0.999 and
     0.9999 and the ratios 1, 10 and 100 (tests/test_mujoco_engine.py). Stiffer contacts creep less and cost more; the
     servos then answer the landing of a foot with torques up to their limit, and the torso shakes more.
 
-    Friction holds up to its coefficient. A foot that slides hops, because MuJoCo's contact law is convex: the ground
+    Friction is at most its coefficient. A foot that slides hops, because MuJoCo's contact law is convex: the ground
     pushes a foot that slides at speed v away at a speed of up to friction * v. ATHENA, sliding down 30 degrees at a
     friction of 0.3, has the acceleration of Coulomb's law to 5 %, but its contact force varies by three times the
-    weight from step to step.
+    weight from step to step. A robot that is set down on a steep slope may therefore go on sliding: ATHENA sticks up to
+    41.5 degrees at a friction of 0.9 (Coulomb's law: 42.0), and up to 53 degrees at 1.5 (56.3).
 
     MuJoCo has no coefficient of restitution. A contact that closes faster than 5 g h, with the time step h, is given a
     reference acceleration that turns its speed v into -restitution * v. Soft contacts follow it in part: ATHENA dropped
