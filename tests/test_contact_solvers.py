@@ -12,7 +12,7 @@ import pytest
 
 from hexakin import dynamics
 from hexakin.contact.admm import solve_admm
-from hexakin.contact.cone import solve_cone
+from hexakin.contact.cone import ConeProblem, cone_memory, solve_cone
 from hexakin.contact.impulses import solve_impulses
 from hexakin.contact.lcp import nearest_in_polygon, solve_polyhedron
 from hexakin.contact.lemke import RAY, SOLVED, TOO_LONG, lemke
@@ -91,24 +91,25 @@ def solve(problem, p=None, tolerance=1e-10):
         return np.concatenate([p, s])
     p = np.zeros(problem.g.size) if p is None else p.copy()
     u = np.empty(p.size)
-    solve_cone(problem.G, problem.g, contacts, zero, problem.low, problem.high, p, u, tolerance, 2000)
+    cone = ConeProblem(problem.G, problem.g, contacts, zero, problem.low, problem.high)
+    solve_cone(cone, FEET, problem.low.size, p, u, tolerance, 2000, cone_memory(p.size))
     return p
 
 
 def polyhedron(problem, facets, tolerance=1e-10, max_pivots=2000):
     p, u = np.empty(problem.g.size), np.empty(problem.g.size)
-    rest = problem.low, problem.high, facets, p, u, tolerance, max_pivots
-    error, pivots = solve_polyhedron(problem.G, problem.g, np.full(FEET, FRICTION), np.zeros(FEET), *rest)
+    cone = ConeProblem(problem.G, problem.g, np.full(FEET, FRICTION), np.zeros(FEET), problem.low, problem.high)
+    error, pivots = solve_polyhedron(cone, FEET, problem.low.size, facets, p, u, tolerance, max_pivots)
     return p, u, error, pivots
 
 
 def particle(velocity, friction=FRICTION, p_min=0.0, facets=4):
     """Impulse and velocity of a unit mass at a contact, by polyhedron and by cone."""
     g, none, out = np.array(velocity, dtype=float), np.empty(0), []
-    first = np.eye(3), g, np.array([friction]), np.array([p_min]), none, none
-    for solver, options in ((solve_polyhedron, (facets,)), (solve_cone, ())):
+    problem = ConeProblem(np.eye(3), g, np.array([friction]), np.array([p_min]), none, none)
+    for solver, options, memory in ((solve_polyhedron, (facets,), ()), (solve_cone, (), (cone_memory(3),))):
         p, u = np.zeros(3), np.zeros(3)
-        error, _ = solver(*first, *options, p, u, 1e-12, 100)
+        error, _ = solver(problem, 1, 0, *options, p, u, 1e-12, 100, *memory)
         assert error <= 1e-12
         out += [p, u]
     return out
@@ -147,8 +148,8 @@ def test_cone_and_pinocchio_agree_or_are_both_right(problems):
         # Neither is an approximation of the other: each is next to an exact solution, and these are far apart.
         exact, other = solve(problem, ours, 1e-13), solve(problem, theirs, 1e-13)
         assert max(residual(problem, exact), residual(problem, other)) <= 1e-12
-        assert max(distance(problem, exact, ours), distance(problem, other, theirs)) <= 1e-6
-        assert distance(problem, exact, other) > 1e-3
+        moved = max(distance(problem, exact, ours), distance(problem, other, theirs))
+        assert moved <= 1e-6 and distance(problem, exact, other) > 1000.0 * moved
 
 
 def test_pinocchio_leaves_feet_in_flight_alone(athena):

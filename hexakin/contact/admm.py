@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.contact.cone import impulse_scales, natural_residual
+from hexakin.contact.cone import ConeProblem, cone_memory, impulse_scales, natural_map
 from hexakin.dynamics import pin
 from hexakin.exceptions import InvalidInputError
 from hexakin.numerics.display import short_repr
@@ -69,9 +69,9 @@ def solve_admm(
         j = int(np.argmax(low > high))
         raise InvalidInputError(f"low: {low[j]:g} of row {j + 1} is above high {high[j]:g}")
     # One scale for each contact and servo: cones stay cones, and with servos a twentieth of the iterations are enough.
-    step_length = np.empty(size)
-    least = impulse_scales(G, g, n, step_length)
-    d = np.sqrt(step_length)
+    problem, memory = ConeProblem(G, g, mu, np.zeros(n), low, high), cone_memory(size)
+    least = impulse_scales(problem, n, m, memory.step_length)
+    d = np.sqrt(memory.step_length)
     unit = float(np.abs(d * g).max(initial=0.0))
     if unit == 0.0:
         return AdmmSolution(np.zeros(size), np.zeros(size), 0.0, 0)
@@ -89,7 +89,7 @@ def solve_admm(
     result.retrievePrimalSolution(p)
     p *= unit * d
     u = G @ p + g
-    residual = natural_residual(p, u, mu, np.zeros(n), low, high, step_length)
+    residual, _ = natural_map(problem, n, m, p, u, memory)
     return AdmmSolution(p, u, residual / max(least, float(np.abs(p).max())), int(result.iterations))
 
 

@@ -1,323 +1,416 @@
-"""Coulomb's law with the exact cone, compiled: block Gauss-Seidel followed by semismooth Newton steps.
+"""Coulomb's law with the exact cone, compiled: block Gauss-Seidel sweeps and semismooth Newton steps.
 
 The unknowns are the impulses p: three for each of n contacts in the order (t1, t2, n), then one for each of m servos.
 The velocities are u = G p + g. For each contact: p_n >= p_min, u_n >= 0, (p_n - p_min) u_n = 0, and the tangential
 impulse is the point of the disc |p_t| <= mu p_n that dissipates most power (maximum dissipation). A bias of the normal
 velocity (restitution, gap) is part of g. For each servo: low <= p <= high, and u = 0 between the limits.
 
-A Gauss-Seidel sweep solves the contacts one after the other, each exactly; it converges slowly if contacts are
-redundant. Newton's method on the natural map is fast, but converges only near a solution. Therefore sweeps come first
-and Newton steps finish. The residual alone decides whether the result is a solution.
+A sweep solves the contacts one after the other, each exactly (``hexakin.contact.one_contact``). Sweeps make progress
+from any first guess, but slowly if contacts are redundant or friction is large. Newton's method on the natural map is
+fast, but converges only near a solution, or farther away with a line search. Therefore the two alternate. The residual
+alone decides whether the result is a solution.
+
+The functions allocate no memory. Arrays have a capacity: only their leading part is used, 3 n + m rows.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.numerics.numba_cache import Interrupted, compiled, signals_raise
+from hexakin.contact.one_contact import solve_contact
+from hexakin.numerics.display import short_repr
+from hexakin.numerics.numba_cache import Interrupted, no_new_arrays, signals_raise
+
+_FEW, _MANY = 8, 40  # largest number of Newton steps before the first sweep, and later
+_WAYS = 4  # ways of Newton's method, see ``_newton``
+_HALVINGS = 8  # of the step in a line search
+_DECREASE = 2e-4  # share of the decrease predicted by Newton's method that a step must reach
+_REFRESH = 50  # sweeps after which velocities are computed anew, without accumulated rounding errors
 
 
-@compiled
-def _disc(a: float, b: float, c: float, gx: float, gy: float, radius: float) -> tuple[float, float]:
-    """Minimise p'Wp/2 + g'p over |p| <= ``radius``, for positive definite W = [[a, b], [b, c]] and g = (gx, gy)."""
-    det = a * c - b * b
-    x, y = -(c * gx - b * gy) / det, -(a * gy - b * gx) / det
-    if x * x + y * y <= radius * radius:
-        return x, y
-    if radius <= 0.0:
-        return 0.0, 0.0
-    # On the boundary: (W + s I) p = -g with |p| = radius; Newton's method for 1/|p| converges monotonically in s.
-    shift, norm = 0.0, np.sqrt(x * x + y * y)
-    for _ in range(50):
-        dx, dy = (c + shift) * x - b * y, (a + shift) * y - b * x
-        slope = (x * dx + y * dy) / det
-        shift += (norm - radius) / radius * norm * norm / slope
-        det = (a + shift) * (c + shift) - b * b
-        x, y = -((c + shift) * gx - b * gy) / det, -((a + shift) * gy - b * gx) / det
-        norm = np.sqrt(x * x + y * y)
-        if abs(norm - radius) <= 1e-15 * radius:
-            break
-    return x * radius / norm, y * radius / norm
+class ConeProblem(NamedTuple):
+    """Impulses p are sought with the velocities u = G p + g; see the module's first lines.
 
-
-@compiled
-def write_velocity(G: Array, g: Array, p: Array, u: Array) -> None:
-    """Write the velocities G p + g to ``u`` (k,), for ``G`` (k, k), ``g`` (k,) and the impulses ``p`` (k,)."""
-    for i in range(g.size):
-        total = g[i]
-        for j in range(g.size):
-            total += G[i, j] * p[j]
-        u[i] = total
-
-
-@compiled
-def impulse_scales(G: Array, g: Array, contacts: int, step_length: Array) -> float:
-    """Write the effective mass of each row to ``step_length`` (3 n + m,), one value for the rows of a contact.
-
-    Return the smallest scale of impulses, a thousandth of the impulse that stops the fastest row. It is used as the
-    scale if all impulses of the solution are small. ``contacts`` is n.
+    ``G`` (capacity, capacity) [1/kg] is symmetric and contiguous row by row, ``g`` (capacity,) [m/s]. ``mu`` and
+    ``p_min`` [N s] are the contacts' friction coefficients and smallest normal impulses, ``low`` and ``high`` [N m s]
+    the servos' limits.
     """
+
+    G: Array
+    g: Array
+    mu: Array
+    p_min: Array
+    low: Array
+    high: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+class ConeMemory(NamedTuple):
+    """Memory for the solution of problems of up to ``rows`` rows, made by ``cone_memory``.
+
+    ``step_length`` (rows,) receives the effective mass [kg] of each row, one value for the rows of a contact. ``moved``
+    (rows,) receives the natural map, by which impulses move in a step -``step_length`` u followed by a projection. The
+    other arrays hold Newton's matrix (rows, rows) and vectors (rows,) of impulses and velocities.
+    """
+
+    step_length: Array
+    moved: Array
+    matrix: Array
+    step: Array
+    trial_p: Array
+    trial_u: Array
+    saved_p: Array
+    best_p: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+def cone_memory(rows: int) -> ConeMemory:
+    """Return the memory for problems of up to ``rows`` = 3 n + m unknowns."""
+    vectors = [np.zeros(rows) for _ in range(7)]
+    return ConeMemory(vectors[0], vectors[1], np.zeros((rows, rows)), *vectors[2:])
+
+
+@no_new_arrays
+def write_velocity(problem: ConeProblem, size: int, p: Array, u: Array) -> None:
+    """Write the velocities G p + g of the first ``size`` rows to ``u``."""
+    G, g = problem.G, problem.g
+    for i in range(size):
+        u[i] = g[i]
+    for j in range(size):
+        value = p[j]
+        for i in range(size):
+            u[i] += G[j, i] * value  # row j instead of column j: G is symmetric
+
+
+@no_new_arrays
+def impulse_scales(problem: ConeProblem, contacts: int, servos: int, step_length: Array) -> float:
+    """Write the effective mass of each row to ``step_length``, one value for the rows of a contact.
+
+    Return the smallest scale of impulses: the largest of the contacts' smallest normal impulses, and of a thousandth of
+    the impulse that stops the fastest row. It is used as the scale if all impulses of the solution are small.
+    """
+    G, g = problem.G, problem.g
     scale = 0.0
     for c in range(contacts):
         k = 3 * c
         rho = 3.0 / (G[k, k] + G[k + 1, k + 1] + G[k + 2, k + 2])
-        for i in range(k, k + 3):
-            step_length[i] = rho
-            scale = max(scale, 1e-3 * rho * abs(g[i]))
-    for k in range(3 * contacts, g.size):
+        fastest = max(abs(g[k]), abs(g[k + 1]), abs(g[k + 2]))
+        step_length[k] = step_length[k + 1] = step_length[k + 2] = rho
+        scale = max(scale, 1e-3 * rho * fastest, problem.p_min[c])
+    for k in range(3 * contacts, 3 * contacts + servos):
         step_length[k] = 1.0 / G[k, k]
         scale = max(scale, 1e-3 * abs(g[k]) / G[k, k])
     return scale
 
 
-@compiled
-def natural_residual(p: Array, u: Array, mu: Array, p_min: Array, low: Array, high: Array, step_length: Array) -> float:
-    """Return the largest distance by which an impulse moves in a step -``step_length`` u followed by a projection.
+@no_new_arrays
+def natural_map(
+    problem: ConeProblem, contacts: int, servos: int, p: Array, u: Array, memory: ConeMemory
+) -> tuple[float, float]:
+    """Write p - P(p - step_length u) to ``memory.moved``, with the projection P onto the set of allowed impulses.
 
-    The projection is onto the set of allowed impulses. The residual is zero at solutions and nowhere else, and it is of
-    first order in the error everywhere, unlike the products p u.
+    The map is zero at solutions and nowhere else, and it is of first order in the error everywhere, unlike the products
+    p u. Return the residual, which is the largest distance of a contact's or servo's impulses from their projections,
+    and the sum of the squares. The residual is infinite if a value is not finite.
     """
-    worst = 0.0
-    for c in range(mu.size):
+    step_length, moved = memory.step_length, memory.moved
+    worst, total = 0.0, 0.0  # the square of the residual, and the sum of the squares
+    for c in range(contacts):
         k = 3 * c
-        rho = step_length[k]
-        error = abs(p[k + 2] - max(p_min[c], p[k + 2] - rho * u[k + 2]))
-        x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], mu[c] * max(p[k + 2], 0.0)
-        norm = np.sqrt(x * x + y * y)
-        if norm > radius:
-            x, y = x * radius / norm, y * radius / norm
-        slip = np.sqrt((x - p[k]) ** 2 + (y - p[k + 1]) ** 2)
-        # A NaN must not count as a small residual.
-        if not (error <= worst and slip <= worst):
-            worst = max(error, slip) if error == error and slip == slip else np.inf
-    for j in range(low.size):
-        k = 3 * mu.size + j
-        error = abs(p[k] - min(max(p[k] - step_length[k] * u[k], low[j]), high[j]))
-        if not error <= worst:
-            worst = error if error == error else np.inf
-    return worst
+        n, rho = k + 2, step_length[k]
+        normal = min(rho * u[n], p[n] - problem.p_min[c])
+        x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], problem.mu[c] * max(p[n], 0.0)
+        square = x * x + y * y
+        share = 1.0 if square <= radius * radius else radius / np.sqrt(square)
+        x, y = p[k] - share * x, p[k + 1] - share * y
+        moved[k], moved[k + 1], moved[n] = x, y, normal
+        square = x * x + y * y
+        worst = max(worst, square, normal * normal)
+        total += square + normal * normal
+    for j in range(servos):
+        k = 3 * contacts + j
+        error = p[k] - min(max(p[k] - step_length[k] * u[k], problem.low[j]), problem.high[j])
+        moved[k] = error
+        worst = max(worst, error * error)
+        total += error * error
+    if not total < np.inf:  # a NaN must not count as a small residual
+        return np.inf, np.inf
+    return np.sqrt(worst), total
 
 
-@compiled
-def _sweep(G: Array, mu: Array, p_min: Array, low: Array, high: Array, p: Array, u: Array) -> None:
+@no_new_arrays
+def _largest(size: int, scale: float, p: Array) -> float:
+    """Return the largest of ``scale`` and of the first ``size`` absolute values of ``p``."""
+    for i in range(size):
+        scale = max(scale, abs(p[i]))
+    return scale
+
+
+@no_new_arrays
+def project(problem: ConeProblem, contacts: int, servos: int, p: Array) -> bool:
+    """Project the impulses ``p`` onto their sets in place, and return whether this has changed them."""
+    changed = False
+    for c in range(contacts):
+        k = 3 * c
+        if p[k + 2] < problem.p_min[c]:
+            p[k + 2], changed = problem.p_min[c], True
+        square, radius = p[k] * p[k] + p[k + 1] * p[k + 1], problem.mu[c] * p[k + 2]
+        if square > radius * radius:
+            share = radius / np.sqrt(square)
+            p[k], p[k + 1], changed = share * p[k], share * p[k + 1], True
+    for j in range(servos):
+        k = 3 * contacts + j
+        value = min(max(p[k], problem.low[j]), problem.high[j])
+        if value != p[k]:
+            p[k], changed = value, True
+    return changed
+
+
+@no_new_arrays
+def _sweep(problem: ConeProblem, contacts: int, servos: int, p: Array, u: Array) -> None:
     """Solve each contact and each servo once, one after the other, and update ``p`` and ``u`` in place."""
-    size = u.size
-    for c in range(mu.size):
+    G, size = problem.G, 3 * contacts + servos
+    for c in range(contacts):
         k = 3 * c
-        normal = max(p_min[c], p[k + 2] - u[k + 2] / G[k + 2, k + 2])
-        dn = normal - p[k + 2]
-        a, b, d = G[k, k], G[k, k + 1], G[k + 1, k + 1]
-        gx = u[k] + G[k, k + 2] * dn - a * p[k] - b * p[k + 1]
-        gy = u[k + 1] + G[k + 1, k + 2] * dn - b * p[k] - d * p[k + 1]
-        x, y = _disc(a, b, d, gx, gy, mu[c] * normal)
-        dx, dy = x - p[k], y - p[k + 1]
+        x, y, normal = solve_contact(G, k, problem.mu[c], problem.p_min[c], p, u)
+        dx, dy, dn = x - p[k], y - p[k + 1], normal - p[k + 2]
         p[k], p[k + 1], p[k + 2] = x, y, normal
         for i in range(size):
             u[i] += G[k, i] * dx + G[k + 1, i] * dy + G[k + 2, i] * dn
-    for j in range(low.size):
-        k = 3 * mu.size + j
-        value = min(max(p[k] - u[k] / G[k, k], low[j]), high[j])
+    for j in range(servos):
+        k = 3 * contacts + j
+        value = min(max(p[k] - u[k] / G[k, k], problem.low[j]), problem.high[j])
         change = value - p[k]
         p[k] = value
         for i in range(size):
             u[i] += G[k, i] * change
 
 
-@compiled
-def eliminate(A: Array, b: Array) -> bool:
+@no_new_arrays
+def eliminate(size: int, A: Array, b: Array) -> bool:
     """Solve A x = b by Gaussian elimination with partial pivoting; return false if A is singular.
 
-    ``A`` (k, k) is overwritten, and ``b`` (k,) receives x.
+    The first ``size`` rows and columns of ``A`` are overwritten, and the first ``size`` elements of ``b`` receive x.
     """
-    size = b.size
+    # Crout's order: for 9 rows it takes 0.8 of the time of updating all remaining rows, for 27 rows 0.7.
     for k in range(size):
-        pivot = k
-        for i in range(k + 1, size):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if not abs(A[pivot, k]) > 1e-14:
+        pivot, largest = k, 1e-14
+        for i in range(k, size):
+            value = A[i, k]
+            for j in range(k):
+                value -= A[i, j] * A[j, k]
+            A[i, k] = value
+            if abs(value) > largest:
+                pivot, largest = i, abs(value)
+        if not largest > 1e-14:
             return False
         if pivot != k:
-            for j in range(k, size):
+            for j in range(size):
                 A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
             b[k], b[pivot] = b[pivot], b[k]
+        inverse = 1.0 / A[k, k]
         for i in range(k + 1, size):
-            factor = A[i, k] / A[k, k]
-            if factor != 0.0:
-                for j in range(k + 1, size):
-                    A[i, j] -= factor * A[k, j]
-                b[i] -= factor * b[k]
+            value = A[k, i]
+            for j in range(k):
+                value -= A[k, j] * A[j, i]
+            A[k, i] = value * inverse
+        value = b[k]
+        for j in range(k):
+            value -= A[k, j] * b[j]
+        b[k] = value * inverse
     for k in range(size - 1, -1, -1):
+        value = b[k]
         for j in range(k + 1, size):
-            b[k] -= A[k, j] * b[j]
-        b[k] /= A[k, k]
+            value -= A[k, j] * b[j]
+        b[k] = value
     return True
 
 
-@compiled
-def _project_back(mu: Array, p_min: Array, low: Array, high: Array, p: Array) -> None:
-    """Project the impulses ``p`` onto their sets in place, so that the returned impulses are allowed ones."""
-    for c in range(mu.size):
+@no_new_arrays
+def _write_matrix(
+    problem: ConeProblem, contacts: int, servos: int, p: Array, u: Array, damping: float, memory: ConeMemory
+) -> None:
+    """Write a generalised derivative of the natural map by p to ``memory.matrix``, with ``damping`` on its diagonal."""
+    G, A, step_length = problem.G, memory.matrix, memory.step_length
+    size = 3 * contacts + servos
+    for c in range(contacts):
         k = 3 * c
-        p[k + 2] = max(p[k + 2], p_min[c])
-        norm, radius = np.sqrt(p[k] ** 2 + p[k + 1] ** 2), mu[c] * p[k + 2]
-        if norm > radius:
-            p[k] *= radius / norm
-            p[k + 1] *= radius / norm
-    for j in range(low.size):
-        k = 3 * mu.size + j
-        p[k] = min(max(p[k], low[j]), high[j])
+        n, rho = k + 2, step_length[k]
+        pressed = p[n] - rho * u[n] > problem.p_min[c]
+        share = rho if pressed else 0.0
+        x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], problem.mu[c] * max(p[n], 0.0)
+        square = x * x + y * y
+        if square <= radius * radius:
+            for j in range(size):
+                A[k, j], A[k + 1, j], A[n, j] = rho * G[k, j], rho * G[k + 1, j], share * G[n, j]
+            A[k, k] += damping
+            A[k + 1, k + 1] += damping
+        else:
+            # The derivative of p_t - radius y / |y| with y = p_t - rho u_t.
+            norm = np.sqrt(square)
+            x, y, kept = x / norm, y / norm, radius / norm
+            xx, xy, yy = kept * (1.0 - x * x), -kept * x * y, kept * (1.0 - y * y)
+            for j in range(size):
+                A[k, j] = rho * (xx * G[k, j] + xy * G[k + 1, j])
+                A[k + 1, j] = rho * (xy * G[k, j] + yy * G[k + 1, j])
+                A[n, j] = share * G[n, j]
+            A[k, k] += 1.0 - xx
+            A[k, k + 1] -= xy
+            A[k + 1, k] -= xy
+            A[k + 1, k + 1] += 1.0 - yy
+            if p[n] > 0.0:
+                A[k, n] -= problem.mu[c] * x
+                A[k + 1, n] -= problem.mu[c] * y
+        A[n, n] += damping if pressed else 1.0
+    for j in range(servos):
+        k = 3 * contacts + j
+        rho = step_length[k]
+        held = problem.low[j] < p[k] - rho * u[k] < problem.high[j]
+        share = rho if held else 0.0
+        for i in range(size):
+            A[k, i] = share * G[k, i]
+        A[k, k] += damping if held else 1.0
 
 
-@compiled
+@no_new_arrays
 def _newton(
-    G: Array,
-    g: Array,
-    mu: Array,
-    p_min: Array,
-    low: Array,
-    high: Array,
-    step_length: Array,
+    problem: ConeProblem,
+    contacts: int,
+    servos: int,
     p: Array,
     u: Array,
     goal: float,
+    way: int,
     steps: int,
-    damped: bool,
+    memory: ConeMemory,
 ) -> float:
     """Make semismooth Newton steps on the natural map, in place, and return the residual that was reached.
 
-    They end below the residual ``goal`` or after ``steps``. The caller keeps a copy of ``p``.
+    They end below the residual ``goal`` or after ``steps``. There are four ``way``s: 0 and 2 without damping, 1 and 3
+    with damping, 0 and 1 with a line search on the sum of squares, 2 and 3 with full steps.
     """
-    size = g.size
-    A, step = np.empty((size, size)), np.empty(size)
-    residual = natural_residual(p, u, mu, p_min, low, high, step_length)
+    size = 3 * contacts + servos
+    step, trial_p, trial_u = memory.step, memory.trial_p, memory.trial_u
+    trials = _HALVINGS if way < 2 else 1
+    residual, total = natural_map(problem, contacts, servos, p, u, memory)
     for _ in range(steps):
-        # With redundant contacts A is singular. Damping that decreases with the residual (Levenberg, Marquardt) helps,
-        # but it hides the effect of a small compliance; the caller therefore also tries without.
-        largest = 1e-300
+        # With redundant contacts the matrix is singular. Damping that decreases with the residual (Levenberg,
+        # Marquardt) helps, but it hides the effect of a small compliance and takes more steps.
+        damping = 1e-13
+        if way % 2 == 1:
+            damping += min(1.0, residual / _largest(size, 1e-300, p))
+        _write_matrix(problem, contacts, servos, p, u, damping, memory)
         for i in range(size):
-            largest = max(largest, abs(p[i]))
-        damping = (min(1.0, residual / largest) if damped else 0.0) + 1e-13
-        for c in range(mu.size):
-            k = 3 * c
-            n, rho = k + 2, step_length[k]
-            if p[n] - rho * u[n] > p_min[c]:
-                step[n] = -rho * u[n]
-                for j in range(size):
-                    A[n, j] = rho * G[n, j]
-                A[n, n] += damping
-            else:
-                step[n] = p_min[c] - p[n]
-                for j in range(size):
-                    A[n, j] = 0.0
-                A[n, n] = 1.0
-            x, y, radius = p[k] - rho * u[k], p[k + 1] - rho * u[k + 1], mu[c] * max(p[n], 0.0)
-            norm = np.sqrt(x * x + y * y)
-            if norm <= radius:
-                step[k], step[k + 1] = -rho * u[k], -rho * u[k + 1]
-                for j in range(size):
-                    A[k, j], A[k + 1, j] = rho * G[k, j], rho * G[k + 1, j]
-                A[k, k] += damping
-                A[k + 1, k + 1] += damping
-            else:
-                # The derivative of p_t - radius y/|y| with y = p_t - rho u_t.
-                x, y, share = x / norm, y / norm, radius / norm
-                step[k], step[k + 1] = radius * x - p[k], radius * y - p[k + 1]
-                xx, xy, yy = share * (1.0 - x * x), -share * x * y, share * (1.0 - y * y)
-                for j in range(size):
-                    A[k, j] = rho * (xx * G[k, j] + xy * G[k + 1, j])
-                    A[k + 1, j] = rho * (xy * G[k, j] + yy * G[k + 1, j])
-                A[k, k] += 1.0 - xx
-                A[k, k + 1] -= xy
-                A[k + 1, k] -= xy
-                A[k + 1, k + 1] += 1.0 - yy
-                if p[n] > 0.0:
-                    A[k, n] -= mu[c] * x
-                    A[k + 1, n] -= mu[c] * y
-        for j in range(low.size):
-            k = 3 * mu.size + j
-            rho = step_length[k]
-            value = p[k] - rho * u[k]
-            if low[j] < value < high[j]:
-                step[k] = -rho * u[k]
-                for i in range(size):
-                    A[k, i] = rho * G[k, i]
-                A[k, k] += damping
-            else:
-                step[k] = (high[j] if value >= high[j] else low[j]) - p[k]
-                for i in range(size):
-                    A[k, i] = 0.0
-                A[k, k] = 1.0
-        if not eliminate(A, step):
+            step[i] = -memory.moved[i]
+        if not eliminate(size, memory.matrix, step):
             return np.inf
+        length = 1.0
+        for _trial in range(trials):
+            for i in range(size):
+                trial_p[i] = p[i] + length * step[i]
+            write_velocity(problem, size, trial_p, trial_u)
+            residual, trial_total = natural_map(problem, contacts, servos, trial_p, trial_u, memory)
+            if trial_total <= (1.0 - _DECREASE * length) * total:
+                break
+            length *= 0.5
+        total = trial_total
         for i in range(size):
-            p[i] += step[i]
-        if damped:
-            _project_back(mu, p_min, low, high, p)
-        write_velocity(G, g, p, u)
-        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
-        if not residual > goal:
+            p[i], u[i] = trial_p[i], trial_u[i]
+        if not goal < residual < np.inf:
             break
-    if not damped:
-        _project_back(mu, p_min, low, high, p)
-        write_velocity(G, g, p, u)
-        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
+    if residual < np.inf and project(problem, contacts, servos, p):
+        write_velocity(problem, size, p, u)
+        residual, total = natural_map(problem, contacts, servos, p, u, memory)
     return residual
 
 
-@compiled
+@no_new_arrays
+def _descend(
+    problem: ConeProblem,
+    contacts: int,
+    servos: int,
+    p: Array,
+    u: Array,
+    scale: float,
+    tolerance: float,
+    max_sweeps: int,
+    memory: ConeMemory,
+) -> tuple[float, int]:
+    """Alternate sweeps and Newton's method from the first guess ``p``; arguments and results as of ``solve_cone``.
+
+    ``scale`` is the smallest scale of impulses.
+    """
+    size = 3 * contacts + servos
+    write_velocity(problem, size, p, u)
+    sweeps, next_newton, ways, steps = 0, 0, 1, _FEW
+    residual, _ = natural_map(problem, contacts, servos, p, u, memory)
+    largest = _largest(size, scale, p)
+    if largest == 0.0:
+        return 0.0, sweeps
+    while residual > tolerance * largest:
+        if sweeps >= next_newton:
+            for i in range(size):
+                memory.saved_p[i] = p[i]
+            for way in range(ways):
+                residual = _newton(problem, contacts, servos, p, u, tolerance * largest, way, steps, memory)
+                largest = _largest(size, scale, p)
+                if residual <= tolerance * largest:
+                    return residual / largest, sweeps
+                for i in range(size):
+                    p[i] = memory.saved_p[i]
+                write_velocity(problem, size, p, u)
+            next_newton, ways, steps = max(sweeps + 1, sweeps + sweeps // 2), _WAYS, _MANY
+        if sweeps >= max_sweeps:
+            residual, _ = natural_map(problem, contacts, servos, p, u, memory)
+            largest = _largest(size, scale, p)
+            break
+        if signals_raise() != 0:
+            raise Interrupted
+        _sweep(problem, contacts, servos, p, u)
+        sweeps += 1
+        if sweeps % _REFRESH == 0:
+            write_velocity(problem, size, p, u)
+        residual, _ = natural_map(problem, contacts, servos, p, u, memory)
+        largest = _largest(size, scale, p)
+    return residual / largest, sweeps
+
+
+@no_new_arrays
 def solve_cone(
-    G: Array,
-    g: Array,
-    mu: Array,
-    p_min: Array,
-    low: Array,
-    high: Array,
+    problem: ConeProblem,
+    contacts: int,
+    servos: int,
     p: Array,
     u: Array,
     tolerance: float,
     max_sweeps: int,
+    memory: ConeMemory,
 ) -> tuple[float, int]:
-    """Solve for the impulses ``p`` (3 n + m,), in place from a first guess; ``u`` (3 n + m,) receives the velocities.
+    """Solve for the impulses ``p`` (capacity,), in place from a first guess; ``u`` (capacity,) receives the velocities.
 
-    ``G`` (3 n + m, 3 n + m) and ``g`` (3 n + m,) give u = G p + g; ``mu`` and ``p_min`` (n,) are the contacts' friction
-    coefficients and smallest normal impulses, ``low`` and ``high`` (m,) the servos' limits. It ends at ``tolerance`` or
-    after ``max_sweeps``. Returns the natural residual relative to the largest impulse, and the number of sweeps; the
-    caller compares the residual with the tolerance.
+    ``contacts`` is n and ``servos`` m: the problem is in the first 3 n + m rows. It ends at the ``tolerance``, or after
+    ``max_sweeps`` from the first guess and as many from zero. Returns the natural residual relative to the largest
+    impulse, and the number of sweeps; the caller compares the residual with the tolerance.
     """
-    size = g.size
-    step_length = np.empty(size)
-    scale = impulse_scales(G, g, mu.size, step_length)
-    write_velocity(G, g, p, u)
-    saved_p, saved_u = np.empty(size), np.empty(size)
-    sweeps, next_newton, attempts = 0, 4, 0
-    while True:
-        largest = scale
+    size = 3 * contacts + servos
+    scale = impulse_scales(problem, contacts, servos, memory.step_length)
+    residual, sweeps = _descend(problem, contacts, servos, p, u, scale, tolerance, max_sweeps, memory)
+    if residual <= tolerance:
+        return residual, sweeps
+    for i in range(size):
+        memory.best_p[i] = p[i]
+        p[i] = 0.0
+    second, used = _descend(problem, contacts, servos, p, u, scale, tolerance, max_sweeps, memory)
+    if not second < residual:
+        second = residual
         for i in range(size):
-            largest = max(largest, abs(p[i]))
-        for c in range(mu.size):
-            largest = max(largest, p_min[c])
-        if largest == 0.0:
-            return 0.0, sweeps
-        goal = tolerance * largest
-        residual = natural_residual(p, u, mu, p_min, low, high, step_length)
-        if residual <= goal or sweeps >= max_sweeps:
-            return residual / largest, sweeps
-        if sweeps == 0 and attempts == 0 and residual <= 0.1 * largest:
-            next_newton = 0  # the first guess is good, such as the last time step's impulses
-        if sweeps >= next_newton:
-            next_newton = max(4, int(1.5 * sweeps))
-            for i in range(size):
-                saved_p[i], saved_u[i] = p[i], u[i]
-            if _newton(G, g, mu, p_min, low, high, step_length, p, u, goal, 40, attempts % 2 == 0) <= goal:
-                continue
-            attempts += 1
-            for i in range(size):
-                p[i], u[i] = saved_p[i], saved_u[i]
-        if signals_raise() != 0:
-            raise Interrupted
-        _sweep(G, mu, p_min, low, high, p, u)
-        sweeps += 1
-        if sweeps % 50 == 0:
-            write_velocity(G, g, p, u)  # removes accumulated rounding errors
+            p[i] = memory.best_p[i]
+        write_velocity(problem, size, p, u)
+    return second, sweeps + used

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.cone import solve_cone
+from hexakin.contact.cone import ConeMemory, ConeProblem, solve_cone
 from hexakin.contact.lcp import solve_polyhedron
 from hexakin.numerics.numba_cache import Whole, compiled
 
@@ -102,13 +102,17 @@ def _soften(G: Array, size: int, compliance: float) -> None:
 
 
 @compiled
+def _memory(rows: int) -> ConeMemory:
+    """Return what ``hexakin.contact.cone.cone_memory`` does, in compiled code."""
+    return ConeMemory(
+        np.empty(rows), np.empty(rows), np.empty((rows, rows)), np.empty(rows), np.empty(rows), np.empty(rows),
+        np.empty(rows), np.empty(rows),
+    )  # fmt: skip
+
+
+@compiled
 def _solve_contacts(
-    G: Array,
-    g: Array,
-    mu: Array,
-    p_min: Array,
-    low: Array,
-    high: Array,
+    problem: ConeProblem,
     facets: int | None,
     p: Array,
     u: Array,
@@ -120,19 +124,20 @@ def _solve_contacts(
     If the cone is not solved directly, contacts of decreasing compliance are solved first; they are easier, and each
     solution is the first guess of the next.
     """
+    contacts, servos = problem.mu.size, problem.low.size
     # With None as the type of facets, numba leaves the polyhedron's code out.
     if facets is not None:
-        return solve_polyhedron(G, g, mu, p_min, low, high, facets, p, u, tolerance, max_sweeps)
-    residual, sweeps = solve_cone(G, g, mu, p_min, low, high, p, u, tolerance, max_sweeps)
+        return solve_polyhedron(problem, contacts, servos, facets, p, u, tolerance, max_sweeps)
+    memory = _memory(p.size)
+    residual, sweeps = solve_cone(problem, contacts, servos, p, u, tolerance, max_sweeps, memory)
     if not residual <= tolerance:
-        x, w, soft = np.zeros(p.size), np.zeros(p.size), np.empty((p.size, p.size))
+        x, w, second = np.zeros(p.size), np.zeros(p.size), np.inf
         for stage in range(9):
-            for i in range(p.size):
-                for j in range(p.size):
-                    soft[i, j] = G[i, j]
+            soft = problem.G.copy()
             if stage < 8:
                 _soften(soft, p.size, 10.0 ** (-stage))
-            second, used = solve_cone(soft, g, mu, p_min, low, high, x, w, tolerance, max_sweeps)
+            easier = ConeProblem(soft, problem.g, problem.mu, problem.p_min, problem.low, problem.high)
+            second, used = solve_cone(easier, contacts, servos, x, w, tolerance, max_sweeps, memory)
             sweeps += used
         if second < residual:
             residual = second
@@ -206,7 +211,8 @@ def solve_impulses(
             if state[j] == HOLDS:
                 for i in range(size):
                     g[i] += J[i, servo[j]] * target[j]
-        residual, used = _solve_contacts(G, g, mu, p_min, none, none, facets, p, u, tolerance, max_sweeps)
+        problem = ConeProblem(G, g, mu, p_min, none, none)
+        residual, used = _solve_contacts(problem, facets, p, u, tolerance, max_sweeps)
         sweeps += used
         _velocities(free[:count], L, Y, y, p, v)
         changed = False
@@ -247,7 +253,8 @@ def solve_impulses(
     _soften(G, size, compliance)
     for j in range(m):
         g[size + j] -= target[j]
-    residual, used = _solve_contacts(G, g, mu, p_min, low, high, facets, x, w, tolerance, max_sweeps)
+    problem = ConeProblem(G, g, mu, p_min, low, high)
+    residual, used = _solve_contacts(problem, facets, x, w, tolerance, max_sweeps)
     _velocities(free, L, Y, y, x, v)
     for i in range(size):
         p[i], u[i] = x[i], w[i]

@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.cone import impulse_scales, write_velocity
+from hexakin.contact.cone import ConeProblem, impulse_scales, write_velocity
 from hexakin.contact.lemke import SOLVED, follow, sharpen
 from hexakin.numerics.numba_cache import Whole, compiled
 
@@ -52,11 +52,12 @@ def nearest_in_polygon(x: float, y: float, radius: float, facets: int) -> tuple[
 
 @compiled
 def polygon_residual(
-    p: Array, u: Array, mu: Array, p_min: Array, low: Array, high: Array, facets: int, step_length: Array
+    problem: ConeProblem, contacts: int, servos: int, facets: int, p: Array, u: Array, step_length: Array
 ) -> float:
-    """Return the residual of ``hexakin.contact.cone.natural_residual``, with the polygon instead of the disc."""
+    """Return the residual of ``hexakin.contact.cone.natural_map``, with the polygon instead of the disc."""
+    mu, p_min, low, high = problem.mu, problem.p_min, problem.low, problem.high
     worst = 0.0
-    for c in range(mu.size):
+    for c in range(contacts):
         k, rho = 3 * c, step_length[3 * c]
         normal = abs(p[k + 2] - max(p_min[c], p[k + 2] - rho * u[k + 2]))
         radius = mu[c] * max(p[k + 2], 0.0)
@@ -65,8 +66,8 @@ def polygon_residual(
         # A NaN must not count as a small residual.
         if not (normal <= worst and slip <= worst):
             worst = max(normal, slip) if normal == normal and slip == slip else np.inf
-    for k in range(3 * mu.size, p.size):
-        j = k - 3 * mu.size
+    for j in range(servos):
+        k = 3 * contacts + j
         error = abs(p[k] - min(max(p[k] - step_length[k] * u[k], low[j]), high[j]))
         if not error <= worst:
             worst = error if error == error else np.inf
@@ -118,12 +119,9 @@ def _build(
 
 @compiled
 def solve_polyhedron(
-    G: Array,
-    g: Array,
-    mu: Array,
-    p_min: Array,
-    low: Array,
-    high: Array,
+    problem: ConeProblem,
+    contacts: int,
+    servos: int,
     facets: int,
     p: Array,
     u: Array,
@@ -133,15 +131,16 @@ def solve_polyhedron(
     """Solve for the impulses ``p`` (3 n + m,), in place; ``u`` (3 n + m,) receives the velocities.
 
     Arguments, order and units are those of ``hexakin.contact.cone.solve_cone``, except that p needs no first guess and
-    that ``low`` and ``high`` must be finite; ``facets`` is the number of generators, even and at least 4. If a path
-    ends with a residual above ``tolerance`` or after ``max_pivots``, up to three others are tried and the best result
-    is kept. Returns the natural residual of the polygon problem, relative to the largest impulse, and the number of
-    pivots on all paths; the caller compares the residual with the tolerance.
+    that the servos' limits must be finite; ``facets`` is the number of generators, even and at least 4. If a path ends
+    with a residual above ``tolerance`` or after ``max_pivots``, up to three others are tried and the best result is
+    kept. Returns the natural residual of the polygon problem, relative to the largest impulse, and the number of pivots
+    on all paths; the caller compares the residual with the tolerance.
     """
-    n, m, size = mu.size, low.size, g.size
+    G, g, p_min, low, high = problem.G, problem.g, problem.p_min, problem.low, problem.high
+    n, m, size = contacts, servos, 3 * contacts + servos
     count = n * (facets + 2) + 2 * m
     step_length, d = np.empty(size), np.empty(size)
-    scale = impulse_scales(G, g, n, step_length)
+    scale = impulse_scales(problem, n, m, step_length)
     # With impulses in units of d and velocities in units of 1 / d the matrix's diagonal is near 1.
     S, h, start = np.empty((size, size)), np.empty(size), np.empty(size)
     for k in range(size):
@@ -172,7 +171,7 @@ def solve_polyhedron(
         k = n * (facets + 2) + j
         row[k], part[k, 0] = 3 * n + j, 1.0
     A, q = np.empty((count, count)), np.empty(count)
-    _build(S, h, mu, least, width, row, part, A, q)
+    _build(S, h, problem.mu, least, width, row, part, A, q)
     unit = 0.0
     for i in range(count):
         unit = max(unit, abs(q[i]))
@@ -200,8 +199,8 @@ def solve_polyhedron(
         for k in range(size):
             x[k] *= d[k]
             largest = max(largest, abs(x[k]))
-        write_velocity(G, g, x, w)
-        residual = polygon_residual(x, w, mu, p_min, low, high, facets, step_length)
+        write_velocity(problem, size, x, w)
+        residual = polygon_residual(problem, n, m, facets, x, w, step_length)
         if largest > 0.0:
             residual /= largest
         if path == 0 or residual < best:

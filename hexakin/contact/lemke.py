@@ -148,7 +148,7 @@ def sharpen(A: Array, q: Array, basic: Whole, z: Array) -> None:
         x[i] = -q[rows[i]]
         for j in range(count):
             block[i, j] = A[rows[i], rows[j]]
-    if not eliminate(block, x):
+    if not eliminate(count, block, x):
         return
     for i in range(count):
         trial[rows[i]] = max(x[i], 0.0)
