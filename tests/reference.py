@@ -15,7 +15,7 @@ def main(folder):
     # All modules are named, because pdoc leaves out modules that are not in a package's __all__.
     left_out = ["!hexakin.generated"]
     if importlib.util.find_spec("pybullet") is None:  # pdoc imports what it describes
-        left_out.append("!hexakin.engines.pybullet_engine")
+        left_out += [f"!hexakin.engines.pybullet_{part}" for part in ("engine", "ground", "import")]
     filters = [word for text in WARNINGS for word in ("-W", text)]
     pdoc = [sys.executable, *filters, "-m", "pdoc", "--docformat", "numpy", "--output-directory", folder]
     return subprocess.call([*pdoc, *modules(), *left_out])

@@ -134,7 +134,7 @@ def test_pip_finds_wheels_alone_and_the_engines_of_the_readme_on_every_python(ro
 
 @pytest.mark.pybullet
 def test_the_message_on_pybullet_names_the_package_that_pip_would_install():
-    from hexakin.engines.pybullet_engine import wheel
+    from hexakin.engines.pybullet_import import wheel
 
     pybullets = [each for each in map(Requirement, DEPENDENCIES) if each.name.startswith("pybullet")]
     for _, (sys_platform, system, machine) in PLATFORMS.values():

@@ -165,3 +165,49 @@ def test_a_failed_start_leaves_no_simulator_behind(athena):
     after = pybullet.connect(pybullet.DIRECT)
     pybullet.disconnect(after)
     assert after == before
+
+
+# Large height fields -------------------------------------------------------------------------------------------
+
+
+def heights_in(engine, xy, around):
+    """Heights (n,) [m] at which vertical rays of PyBullet meet the ground at ``xy`` (n, 2) [m]; NaN where none is.
+
+    The rays are one metre above and below the height ``around`` [m]. The robot is moved out of their way.
+    """
+    import pybullet
+
+    pybullet.resetBasePositionAndOrientation(
+        engine._body, [0, 0, around + 9], [0, 0, 0, 1], physicsClientId=engine._client
+    )
+    ends = [np.column_stack([xy, np.full(len(xy), z)]).tolist() for z in (around + 1.0, around - 1.0)]
+    found = pybullet.rayTestBatch(*ends, physicsClientId=engine._client)
+    return np.array([ray[3][2] if ray[0] >= 0 else np.nan for ray in found])
+
+
+@pytest.mark.parametrize("offset", [0.0, 400.0])
+def test_a_large_field_has_the_triangles_of_its_terrain_where_the_robot_is(athena, rng, offset):
+    """Cells of 4 mm x 5 mm, at a height at which single precision rounds to 0.03 mm; no whole number of tiles."""
+    x, y = np.arange(333) * 0.004 - 0.5, np.arange(301) * 0.005 - 0.7
+    waves = 0.01 * np.sin(9.0 * x[:, None]) + 0.01 * np.cos(7.0 * y)
+    field = hk.terrain.HeightField(x, y, offset + waves + rng.uniform(0.0, 0.003, (333, 301)))
+    xy = rng.uniform(-0.15, 0.15, (200, 2))
+    with bullet(athena, field) as engine:
+        assert np.isnan(heights_in(engine, xy, offset)).all()  # nothing is made before the robot is there
+        for place in ([0.0, 0.0], [0.55, -0.5]):
+            T = pose(np.eye(3), [*place, offset + 0.15])
+            engine.place(T, athena.standing_q)
+            here = np.clip(xy + place, [x[0], y[0]], [x[-1], y[-1]])
+            np.testing.assert_allclose(heights_in(engine, here, offset), field.height(*here.T), atol=1e-7)
+
+
+def test_a_robot_walks_on_a_large_field_as_on_the_same_coarse_field(athena):
+    """A mesh of 50 mm cells and tiles of 2 mm cells, of which the robot needs more while it walks: the same slope."""
+    distances = []
+    for points in (41, 1001):
+        grid = np.linspace(-1.0, 1.0, points)
+        field = hk.terrain.HeightField(grid, grid, 0.1 * grid[:, None] + 0.05 * grid)
+        walk = hk.simulate(athena, field, hk.PostureController(athena), engine="pybullet", duration=5.0)
+        distances.append(walk.T_world_body[-1, :3, 3] - walk.T_world_body[0, :3, 3])
+    assert np.linalg.norm(distances[0]) > 0.15
+    np.testing.assert_allclose(distances[0], distances[1], atol=0.01)

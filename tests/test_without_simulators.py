@@ -52,7 +52,7 @@ print(json.dumps(refused))
 """,
         tmp_path,
     )
-    without = ("mujoco_engine", "mujoco_scene", "pybullet_engine")
+    without = ("mujoco_engine", "mujoco_scene", "pybullet_engine", "pybullet_ground", "pybullet_import")
     assert refused == {f"hexakin.engines.{name}": "MissingPackageError" for name in without}
 
 
@@ -142,6 +142,6 @@ print(json.dumps(answers))
     ],
 )
 def test_the_wheel_of_each_platform_is_known(python, system, machine, expected):
-    from hexakin.engines.pybullet_engine import wheel
+    from hexakin.engines.pybullet_import import wheel
 
     assert wheel(python, system, machine) == expected

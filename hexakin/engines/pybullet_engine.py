@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
-import os
-import platform
-import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -17,52 +11,14 @@ from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_number, check_whole, checked
 from hexakin.engines.base import Engine, Reading, TorqueLaw, check_angles, check_law, check_place
-from hexakin.exceptions import MissingPackageError, SimulationError
+from hexakin.engines.pybullet_ground import BulletGround
+from hexakin.engines.pybullet_import import pybullet
+from hexakin.exceptions import SimulationError
 from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, Robot
 from hexakin.robot.urdf import to_urdf
-from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
+from hexakin.terrain.base import Terrain
 from hexakin.transforms import inverse_pose, pose
-
-
-@contextlib.contextmanager
-def _quiet_import() -> Iterator[None]:
-    """Suppress the build time that PyBullet prints on import, not to sys.stdout but to the process's own streams."""
-    saved = {stream: os.dup(stream) for stream in (1, 2)}
-    try:
-        with open(os.devnull, "w") as null:
-            for stream in saved:
-                os.dup2(null.fileno(), stream)
-        yield
-    finally:
-        if os.name == "posix":
-            ctypes.CDLL(None).fflush(None)  # the line may still be in C's buffer
-        for stream, copy in saved.items():
-            os.dup2(copy, stream)
-            os.close(copy)
-
-
-def wheel(python: tuple[int, int], system: str, machine: str) -> str:
-    """Return the name of the package on PyPI that has PyBullet as a wheel; empty if there is none.
-
-    ``python`` is the version (major, minor), ``system`` and ``machine`` are those of the module platform. The fork
-    pybullet-arm64 has the same sources and the same module, and wheels for more versions and platforms.
-    """
-    intel = machine.lower() in ("x86_64", "amd64")
-    if (python, system, intel) == ((3, 11), "Linux", True):
-        return "pybullet"
-    forked = {"Linux": intel, "Windows": intel, "Darwin": not intel or python < (3, 13)}
-    return "pybullet-arm64" if (3, 11) <= python <= (3, 13) and forked.get(system, False) else ""
-
-
-try:
-    with _quiet_import():
-        import pybullet
-except ImportError as error:
-    _wheel = wheel(sys.version_info[:2], platform.system(), platform.machine())
-    raise MissingPackageError(
-        "pybullet", 'engine "pybullet"', f"pip install {_wheel}" if _wheel else "", 'use engine="rigid"'
-    ) from error
 
 
 @checked
@@ -129,8 +85,7 @@ class PyBulletEngine(Engine):
             deterministicOverlappingPairs=1,
             physicsClientId=self._client,
         )
-        for shape in terrain.shapes():
-            self._add_ground(shape)
+        self._ground = BulletGround(terrain, self._client)
         self._body = self._load(urdf)
         links = range(-1, pybullet.getNumJoints(self._body, physicsClientId=self._client))
         # The pose of Bullet's base is that of its inertial frame: the centre of mass and the principal axes.
@@ -153,35 +108,6 @@ class PyBulletEngine(Engine):
                 physicsClientId=self._client,
             )
 
-    def _add_ground(self, shape: HalfSpace | TriangleMesh | Box) -> None:
-        if isinstance(shape, TriangleMesh):
-            collision = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH,
-                vertices=shape.vertices.tolist(),
-                indices=shape.triangles.ravel().tolist(),
-                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-                physicsClientId=self._client,
-            )
-            point = [0.0, 0.0, 0.0]
-        elif isinstance(shape, Box):
-            lower, upper = np.array(shape.lower), np.array(shape.upper)
-            collision = pybullet.createCollisionShape(
-                pybullet.GEOM_BOX, halfExtents=(0.5 * (upper - lower)).tolist(), physicsClientId=self._client
-            )
-            point = (0.5 * (lower + upper)).tolist()
-        else:
-            collision = pybullet.createCollisionShape(
-                pybullet.GEOM_PLANE, planeNormal=list(shape.normal), physicsClientId=self._client
-            )
-            point = list(shape.point)
-        ground = pybullet.createMultiBody(
-            baseMass=0.0, baseCollisionShapeIndex=collision, basePosition=point, physicsClientId=self._client
-        )
-        pybullet.changeDynamics(
-            ground, -1, lateralFriction=1.0, restitution=1.0, rollingFriction=0.0, spinningFriction=0.0,
-            physicsClientId=self._client,
-        )  # fmt: skip
-
     def _load(self, urdf: str) -> int:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
@@ -199,6 +125,7 @@ class PyBulletEngine(Engine):
         pybullet.resetBaseVelocity(self._body, [0.0] * 3, [0.0] * 3, physicsClientId=self._client)
         for joint, angle in zip(self._joints, angles.ravel(), strict=True):
             pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
+        self._ground.reach(self._body)
 
     @checked
     def advance(self, q_command: ArrayLike, num_steps: int, torque_law: TorqueLaw | None = None) -> Reading:
@@ -217,7 +144,10 @@ class PyBulletEngine(Engine):
         torque = None
         foot, torso, limb, depth = np.zeros((num_steps, robot.num_legs)), 0.0, 0.0, 0.0
         rate_moment = np.zeros((3, 3))
+        check = self._ground.steps_between_checks(self._time_step)
         for step in range(num_steps):
+            if check and step % check == 0:
+                self._ground.reach(self._body)
             if law is not None:
                 torque = self._apply_torques(target, law)
             pybullet.stepSimulation(physicsClientId=self._client)
