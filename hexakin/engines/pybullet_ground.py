@@ -12,14 +12,21 @@ from hexakin.terrain.height_field import GridMesh
 _MOST_POINTS = 50_000  # of a height field as one mesh. PyBullet refuses meshes of more than 87,000, and is slow before.
 _TILE = 64  # cells along each side of a tile: larger ones take longer to make, smaller ones more time in each step
 _AHEAD = 0.05  # [m] tiles are made this far around the robot
-_FASTEST = 10.0  # [m/s] speed of a part of the robot up to which it does not leave its tiles between two checks
+# [m] On a tile, points of a foot that are farther from the ground take no force. In small cells Bullet adds such points
+# on the triangles around the one that is touched, up to 0.6 mm from it, and each costs the solver as much as a contact.
+# Chosen as the largest round number below the distances of those points; walks stay the same (tests).
+_FARTHEST_LOADED = 1e-4
+# [m/s] Speed over the ground up to which no part of the robot leaves the tiles between two checks; assumed: several
+# times the speed of walking robots' feet. A check takes a seventh of a step's time.
+_FASTEST = 2.5
 
 
 class BulletGround:
     """The ground of a robot's simulation in the physics server ``client``.
 
     A height field of up to 50,000 points is one triangle mesh, other triangle meshes too. Larger ones are height field
-    shapes of 64 x 64 cells, which have the same triangles; they are made where the robot comes.
+    shapes of 64 x 64 cells, which have the same triangles; they are made where the robot comes. There, points of
+    contact that are more than 0.1 mm from the ground take no force.
     """
 
     def __init__(self, terrain: Terrain, client: int):
@@ -64,7 +71,8 @@ class BulletGround:
             numHeightfieldColumns=len(y),
             physicsClientId=self._client,
         )
-        self._fix(shape, [0.5 * (x[0] + x[-1]), 0.5 * (y[0] + y[-1]), middle])
+        tile = self._fix(shape, [0.5 * (x[0] + x[-1]), 0.5 * (y[0] + y[-1]), middle])
+        pybullet.changeDynamics(tile, -1, contactProcessingThreshold=_FARTHEST_LOADED, physicsClientId=self._client)
 
     def _add(self, shape: HalfSpace | TriangleMesh | Box) -> None:
         if isinstance(shape, TriangleMesh):
@@ -89,7 +97,7 @@ class BulletGround:
             point = list(shape.point)
         self._fix(collision, point)
 
-    def _fix(self, collision: int, point: list[float]) -> None:
+    def _fix(self, collision: int, point: list[float]) -> int:
         """Fix a shape at a point [m], with the coefficients 1: Bullet multiplies those of two bodies."""
         ground = pybullet.createMultiBody(
             baseMass=0.0,
@@ -102,6 +110,7 @@ class BulletGround:
             ground, -1, lateralFriction=1.0, restitution=1.0, rollingFriction=0.0, spinningFriction=0.0,
             physicsClientId=self._client,
         )  # fmt: skip
+        return int(ground)
 
 
 def _tiles(axis: Array, low: float, high: float) -> tuple[int, int]:
