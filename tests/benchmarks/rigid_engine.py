@@ -17,6 +17,7 @@ import sys
 import time
 from types import SimpleNamespace
 
+import height_fields
 import numpy as np
 from comparison import alone, compared, installed, interleaved, timed
 
@@ -160,7 +161,7 @@ def check(paths):
 
 
 def measure(quick=False):
-    """Return the rows of a step and of the closed loop on both terrains, and of the start."""
+    """Return the rows of a step and of the closed loop on both terrains, of the start, and of height fields."""
     repetitions = 2 if quick else 7
     engines = {"rigid": engine_class("rigid"), "pybullet": engine_class("pybullet"), BARE: BarePyBullet}
     if installed("mujoco"):
@@ -170,7 +171,8 @@ def measure(quick=False):
         print(title)
         rows += on_ground(title, terrain, share, engines, repetitions)
     starts = interleaved(start_up(), repetitions)
-    return rows + compared("engine start", 1, "start", starts, {("rigid", "pybullet"): None}, clock="wall")
+    rows += compared("engine start", 1, "start", starts, {("rigid", "pybullet"): None}, clock="wall")
+    return rows + height_fields.measure(quick)
 
 
 def on_ground(title, terrain, share, engines, repetitions):
