@@ -353,7 +353,7 @@ def _descend(
     residual, _ = natural_map(problem, contacts, servos, p, u, memory)
     largest = _largest(size, scale, p)
     if largest == 0.0:
-        return 0.0, sweeps
+        return residual, sweeps
     while residual > tolerance * largest:
         if sweeps >= next_newton:
             for i in range(size):

@@ -13,6 +13,7 @@ import numpy as np
 
 from hexakin.checks import Array
 from hexakin.contact.cone import ConeMemory, ConeProblem, solve_cone
+from hexakin.contact.last_resorts import soften, solve_hard_cone, solve_softer_first
 from hexakin.contact.lcp import solve_polyhedron
 from hexakin.numerics.numba_cache import Whole, compiled
 
@@ -92,16 +93,6 @@ def _velocities(free: Whole, L: Array, Y: Array, y: Array, p: Array, v: Array) -
 
 
 @compiled
-def _soften(G: Array, size: int, compliance: float) -> None:
-    """Add ``compliance`` times the mean of the diagonal of ``G`` to its first ``size`` diagonal elements."""
-    mean = 0.0
-    for i in range(size):
-        mean += G[i, i] / size
-    for i in range(size):
-        G[i, i] += compliance * mean
-
-
-@compiled
 def _memory(rows: int) -> ConeMemory:
     """Return what ``hexakin.contact.cone.cone_memory`` does, in compiled code."""
     return ConeMemory(
@@ -114,31 +105,29 @@ def _memory(rows: int) -> ConeMemory:
 def _solve_contacts(
     problem: ConeProblem,
     facets: int | None,
+    thorough: bool | None,
     p: Array,
     u: Array,
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[float, int]:
-    """Solve with the cone or the polyhedron.
+    """Solve with the polyhedron of ``facets``, or with the cone; if it fails, from other first guesses.
 
-    If the cone is not solved directly, contacts of decreasing compliance are solved first; they are easier, and each
-    solution is the first guess of the next.
+    With None for ``thorough``, these are only the solutions of softer contacts.
     """
     contacts, servos = problem.mu.size, problem.low.size
-    # With None as the type of facets, numba leaves the polyhedron's code out.
+    # With None as the type of facets or of thorough, numba leaves the polyhedron's code out.
     if facets is not None:
         return solve_polyhedron(problem, contacts, servos, facets, p, u, tolerance, max_sweeps)
     memory = _memory(p.size)
     residual, sweeps = solve_cone(problem, contacts, servos, p, u, tolerance, max_sweeps, memory)
     if not residual <= tolerance:
-        x, w, second = np.zeros(p.size), np.zeros(p.size), np.inf
-        for stage in range(9):
-            soft = problem.G.copy()
-            if stage < 8:
-                _soften(soft, p.size, 10.0 ** (-stage))
-            easier = ConeProblem(soft, problem.g, problem.mu, problem.p_min, problem.low, problem.high)
-            second, used = solve_cone(easier, contacts, servos, x, w, tolerance, max_sweeps, memory)
-            sweeps += used
+        x, w = np.zeros(p.size), np.zeros(p.size)
+        if thorough is None:
+            second, used = solve_softer_first(problem, contacts, servos, x, w, tolerance, memory)
+        else:
+            second, used = solve_hard_cone(problem, contacts, servos, x, w, tolerance, memory)
+        sweeps += used
         if second < residual:
             residual = second
             for i in range(p.size):
@@ -167,6 +156,7 @@ def solve_impulses(
     compliance: float,
     tolerance: float,
     max_sweeps: int,
+    thorough: bool | None = None,
 ) -> tuple[float, int]:
     """Solve in place for the impulses ``p`` (3 n,) and ``s`` (m,) and the velocities ``u`` (3 n,) and ``v`` (nv,).
 
@@ -175,7 +165,9 @@ def solve_impulses(
     first guess and receives the result. ``bias`` (n,) is added to the normal velocities, also in u. ``facets`` is the
     number of facets of the friction polyhedron, or None for the exact cone. ``compliance``, as a fraction of the mean
     of G's diagonal, is added to this diagonal; of the many ways in which redundant contacts can share a load it selects
-    the most even one. Returns the residual and the number of sweeps (or pivots) of the contact solver.
+    the most even one. ``thorough`` is True if more is to be tried where the cone is not solved, see
+    ``hexakin.contact.last_resorts``, or else None. Returns the residual and the number of sweeps (or pivots) of the
+    contact solver.
     """
     nv, m, size, contacts = r.size, servo.size, p.size, mu.size
     slot = np.full(nv, -1, dtype=np.int64)
@@ -206,13 +198,13 @@ def solve_impulses(
             return np.inf, sweeps
         for c in range(contacts):
             g[3 * c + 2] += bias[c]
-        _soften(G, size, compliance)
+        soften(G, size, compliance)
         for j in range(m):
             if state[j] == HOLDS:
                 for i in range(size):
                     g[i] += J[i, servo[j]] * target[j]
         problem = ConeProblem(G, g, mu, p_min, none, none)
-        residual, used = _solve_contacts(problem, facets, p, u, tolerance, max_sweeps)
+        residual, used = _solve_contacts(problem, facets, thorough, p, u, tolerance, max_sweeps)
         sweeps += used
         _velocities(free[:count], L, Y, y, p, v)
         changed = False
@@ -250,11 +242,11 @@ def solve_impulses(
         return np.inf, sweeps
     for c in range(contacts):
         g[3 * c + 2] += bias[c]
-    _soften(G, size, compliance)
+    soften(G, size, compliance)
     for j in range(m):
         g[size + j] -= target[j]
     problem = ConeProblem(G, g, mu, p_min, low, high)
-    residual, used = _solve_contacts(problem, facets, x, w, tolerance, max_sweeps)
+    residual, used = _solve_contacts(problem, facets, thorough, x, w, tolerance, max_sweeps)
     _velocities(free, L, Y, y, x, v)
     for i in range(size):
         p[i], u[i] = x[i], w[i]
@@ -288,6 +280,7 @@ def solve_impact(
     compliance: float,
     tolerance: float,
     max_sweeps: int,
+    thorough: bool | None = None,
 ) -> tuple[float, int]:
     """Solve as ``solve_impulses``, with restitution of the contacts that strike the ground.
 
@@ -326,6 +319,7 @@ def solve_impact(
         compliance,
         tolerance,
         max_sweeps,
+        thorough,
     )
     for i in range(3 * n):
         compression[i] = p[i]
@@ -344,7 +338,7 @@ def solve_impact(
             low[j], high[j] = -limit[j] - s[j], limit[j] - s[j]  # the sum of both phases stays within the limit
         second, used = solve_impulses(
             M, kept, J, mu, bias, p_min, servo, target, low, high, hold, extra, more, u, v,
-            facets, compliance, tolerance, max_sweeps,
+            facets, compliance, tolerance, max_sweeps, thorough,
         )  # fmt: skip
         residual, sweeps = max(residual, second), sweeps + used
         for i in range(3 * n):

@@ -177,13 +177,17 @@ def solve(
     mu, limit, approach = (np.array(a) for a in (problem.friction, problem.servo_limit, problem.approach))
     bias = np.array(problem.gap_rate)
     p, compression, u, s, v = np.zeros(3 * n), np.zeros(3 * n), np.zeros(3 * n), np.zeros(m), np.zeros(nv)
+    data = (
+        problem.mass.copy(), problem.momentum.copy(), J, mu, bias, (approach < 0.0).astype(np.int64), approach,
+        float(restitution), law == "poisson", problem.servo, np.array(problem.servo_velocity), limit,
+        np.zeros(m, dtype=np.int64), p, compression, s, u, v, sides, float(compliance), float(tolerance),
+        max_iterations,
+    )  # fmt: skip
     with announced("the contact solvers"):
-        residual, iterations = solve_impact(
-            problem.mass.copy(), problem.momentum.copy(), J, mu, bias, (approach < 0.0).astype(np.int64), approach,
-            float(restitution), law == "poisson", problem.servo, np.array(problem.servo_velocity), limit,
-            np.zeros(m, dtype=np.int64), p, compression, s, u, v, sides, float(compliance), float(tolerance),
-            max_iterations,
-        )  # fmt: skip
+        residual, iterations = solve_impact(*data)
+        if not residual <= tolerance and sides is None:
+            residual, more = solve_impact(*data, True)
+            iterations += more
     if not residual <= tolerance:
         raise ContactError(residual, tolerance, iterations)
     expanded = law == "poisson" and restitution > 0.0
