@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from hexakin import dynamics
+from hexakin.contact import ContactProblem
+from hexakin.contact import solve as solve_problem
 from hexakin.contact.admm import solve_admm
 from hexakin.contact.cone import ConeProblem, cone_memory, solve_cone
-from hexakin.contact.impulses import solve_impulses
 from hexakin.contact.lcp import nearest_in_polygon, solve_polyhedron
 from hexakin.contact.lemke import RAY, SOLVED, TOO_LONG, lemke
 from hexakin.exceptions import InvalidInputError
@@ -83,12 +84,13 @@ def solve(problem, p=None, tolerance=1e-10):
     """The exact cone: through the servos' active sets where there are servos and no first guess, else directly."""
     contacts, zero = np.full(FEET, FRICTION), np.zeros(FEET)
     if problem.low.size > 0 and p is None:
-        p, s, u, v = np.zeros(18), np.zeros(18), np.zeros(18), np.zeros(24)
-        servo, state = np.arange(6, 24), np.zeros(18, dtype=np.int64)
-        M, r, J = problem.M, problem.r, problem.rows[: 3 * FEET].copy()
-        boxes = servo, problem.target, problem.low, problem.high, state
-        solve_impulses(M, r, J, contacts, zero, zero, *boxes, p, s, u, v, None, 0.0, tolerance, 2000)
-        return np.concatenate([p, s])
+        J = problem.rows[: 3 * FEET].reshape(FEET, 3, -1)
+        given = ContactProblem(
+            problem.M, problem.r, J, FRICTION, servo=np.arange(6, 24), servo_velocity=problem.target,
+            servo_limit=problem.high,
+        )  # fmt: skip
+        solution = solve_problem(given, tolerance=tolerance, max_iterations=2000)
+        return np.concatenate([solution.impulse.ravel(), solution.servo_impulse])
     p = np.zeros(problem.g.size) if p is None else p.copy()
     u = np.empty(p.size)
     cone = ConeProblem(problem.G, problem.g, contacts, zero, problem.low, problem.high)

@@ -9,340 +9,342 @@ servos hold.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.cone import ConeMemory, ConeProblem, solve_cone
-from hexakin.contact.last_resorts import soften, solve_hard_cone, solve_softer_first
+from hexakin.contact.cone import ConeMemory, ConeProblem, cone_memory, solve_cone
+from hexakin.contact.last_resorts import improve, soften
 from hexakin.contact.lcp import solve_polyhedron
-from hexakin.numerics.numba_cache import Whole, compiled
+from hexakin.contact.mass import (
+    Factor,
+    Mass,
+    Rows,
+    add_impulse,
+    factor_memory,
+    factorise,
+    load,
+    multiply,
+    project,
+    row_memory,
+    row_speed,
+    velocities,
+)
+from hexakin.numerics.display import short_repr
+from hexakin.numerics.numba_cache import Whole, inlined, no_new_arrays, part
 
 HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
+_ROUNDS = 12  # of the active-set iteration; in about 1 of 500 hard random problems it repeats itself
 
 
-@compiled
-def _cholesky(A: Array) -> bool:
-    """Write the lower Cholesky factor to the lower half of ``A``; return false unless A is positive definite."""
-    for j in range(A.shape[0]):
-        d = A[j, j]
-        for k in range(j):
-            d -= A[j, k] * A[j, k]
-        if not d > 0.0:
-            return False
-        d = np.sqrt(d)
-        A[j, j] = d
-        for i in range(j + 1, A.shape[0]):
-            value = A[i, j]
-            for k in range(j):
-                value -= A[i, k] * A[j, k]
-            A[i, j] = value / d
-    return True
+class Servos(NamedTuple):
+    """Servos on the joints ``joint`` (m,) of a ``Mass``, with their targets, limits, states and impulses.
 
-
-@compiled
-def _project(M: Array, r: Array, rows: Array, free: Whole, L: Array, Y: Array, y: Array, G: Array, g: Array) -> bool:
-    """Compute L L^T = M, Y = L^-1 rows^T, y = L^-1 r, G = Y^T Y and g = Y^T y for the ``free`` coordinates.
-
-    Return false if M is singular.
+    ``target`` (m,) [rad/s] are the velocities that they hold with impulses from ``low`` to ``high`` (m,) [N m s].
+    ``state`` (m,) is HOLDS, AT_LOW or AT_HIGH; ``impulse`` (m,) [N m s] receives the impulses.
     """
-    count, size = free.size, g.size
-    for a in range(count):
-        for b in range(a + 1):
-            L[a, b] = M[free[b], free[a]]
-    if not _cholesky(L[:count, :count]):
-        return False
-    G[:, :] = 0.0
-    g[:] = 0.0
-    for a in range(count):
-        value = r[free[a]]
-        for b in range(a):
-            value -= L[a, b] * y[b]
-        y[a] = value / L[a, a]
-        for k in range(size):
-            Y[a, k] = rows[k, free[a]]
-        for b in range(a):
-            f = L[a, b]
-            if f != 0.0:
-                for k in range(size):
-                    Y[a, k] -= f * Y[b, k]
-        f = 1.0 / L[a, a]
-        for k in range(size):
-            Y[a, k] *= f
-        for i in range(size):
-            f = Y[a, i]
-            if f != 0.0:
-                g[i] += f * y[a]
-                for j in range(size):
-                    G[i, j] += f * Y[a, j]
-    return True
+
+    joint: Whole
+    target: Array
+    low: Array
+    high: Array
+    state: Whole
+    impulse: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
-@compiled
-def _velocities(free: Whole, L: Array, Y: Array, y: Array, p: Array, v: Array) -> None:
-    """Write v = L^-T (y + Y p) to the ``free`` coordinates of ``v``."""
-    count = free.size
-    for a in range(count):
-        for k in range(p.size):
-            y[a] += Y[a, k] * p[k]
-    for a in range(count - 1, -1, -1):
-        value = y[a]
-        for b in range(a + 1, count):
-            value -= L[b, a] * y[b]
-        y[a] = value / L[a, a]
-        v[free[a]] = y[a]
+class Accuracy(NamedTuple):
+    """How exactly contact problems are solved.
+
+    ``compliance``, as a fraction of the mean of G's diagonal, is added to this diagonal; of the many ways in which
+    redundant contacts can share a load it selects the most even one. ``tolerance`` is the relative residual at which
+    the contact solver stops, ``max_sweeps`` its largest number of sweeps or pivots.
+    """
+
+    compliance: float
+    tolerance: float
+    max_sweeps: int
 
 
-@compiled
-def _memory(rows: int) -> ConeMemory:
-    """Return what ``hexakin.contact.cone.cone_memory`` does, in compiled code."""
-    return ConeMemory(
-        np.empty(rows), np.empty(rows), np.empty((rows, rows)), np.empty(rows), np.empty(rows), np.empty(rows),
-        np.empty(rows), np.empty(rows),
+class System(NamedTuple):
+    """Bodies, the contacts that act on them, and the memory to solve for their impulses.
+
+    ``rows`` are the rows of the Jacobian: three for each contact, along t1, t2 and n. ``bias`` (n,) [m/s] is added to
+    the contacts' normal velocities. ``p`` (3 n + m,) [N s] are the impulses, at first a guess, and ``u`` (3 n + m,)
+    [m/s] the velocities along the rows. ``cone.mu`` and ``cone.p_min`` belong to the problem, too. ``known`` and
+    ``total`` (nv,) are memory for momenta.
+    """
+
+    mass: Mass
+    factor: Factor
+    rows: Rows
+    cone: ConeProblem
+    memory: ConeMemory
+    bias: Array
+    p: Array
+    u: Array
+    known: Array
+    total: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+def system_memory(mass: Mass, contacts: int, servos: int) -> System:
+    """Return a System for up to a number of ``contacts`` and of ``servos``, filled with zeros."""
+    size, nv = 3 * contacts + servos, 6 * len(mass.base_v) + len(mass.joint_v)
+    cone = ConeProblem(
+        np.zeros((size, size)), *(np.zeros(k) for k in (size, contacts, contacts, servos, servos))
     )  # fmt: skip
+    vectors = (np.zeros(k) for k in (contacts, size, size, nv, nv))
+    return System(mass, factor_memory(mass), row_memory(mass, size), cone, cone_memory(size), *vectors)
 
 
-@compiled
+@inlined
 def _solve_contacts(
-    problem: ConeProblem,
-    facets: int | None,
-    thorough: bool | None,
+    cone: ConeProblem,
+    memory: ConeMemory,
+    contacts: int,
+    servos: int,
     p: Array,
     u: Array,
-    tolerance: float,
-    max_sweeps: int,
+    accuracy: Accuracy,
+    facets: int | None,
+    thorough: bool | None,
 ) -> tuple[float, int]:
-    """Solve with the polyhedron of ``facets``, or with the cone; if it fails, from other first guesses.
+    """Solve with the polyhedron of a number of ``facets``, or else with the exact cone.
 
-    With None for ``thorough``, these are only the solutions of softer contacts.
+    If it fails and ``thorough`` is True, other first guesses are tried.
     """
-    contacts, servos = problem.mu.size, problem.low.size
-    # With None as the type of facets or of thorough, numba leaves the polyhedron's code out.
+    # With None as the type of facets or of thorough, numba leaves the code out that is not needed then.
     if facets is not None:
-        return solve_polyhedron(problem, contacts, servos, facets, p, u, tolerance, max_sweeps)
-    memory = _memory(p.size)
-    residual, sweeps = solve_cone(problem, contacts, servos, p, u, tolerance, max_sweeps, memory)
-    if not residual <= tolerance:
-        x, w = np.zeros(p.size), np.zeros(p.size)
-        if thorough is None:
-            second, used = solve_softer_first(problem, contacts, servos, x, w, tolerance, memory)
-        else:
-            second, used = solve_hard_cone(problem, contacts, servos, x, w, tolerance, memory)
+        return solve_polyhedron(cone, contacts, servos, facets, p, u, accuracy.tolerance, accuracy.max_sweeps)
+    residual, sweeps = solve_cone(cone, contacts, servos, p, u, accuracy.tolerance, accuracy.max_sweeps, memory)
+    if thorough is not None and not residual <= accuracy.tolerance:
+        residual, used = improve(cone, contacts, servos, p, u, residual, accuracy.tolerance, memory)
         sweeps += used
-        if second < residual:
-            residual = second
-            for i in range(p.size):
-                p[i], u[i] = x[i], w[i]
     return residual, sweeps
 
 
-@compiled
+@no_new_arrays
 def solve_impulses(
-    M: Array,
+    system: System,
+    servos: Servos,
+    contacts: int,
     r: Array,
-    J: Array,
-    mu: Array,
-    bias: Array,
-    p_min: Array,
-    servo: Whole,
-    target: Array,
-    low: Array,
-    high: Array,
-    state: Whole,
-    p: Array,
-    s: Array,
-    u: Array,
     v: Array,
+    accuracy: Accuracy,
     facets: int | None,
-    compliance: float,
-    tolerance: float,
-    max_sweeps: int,
-    thorough: bool | None = None,
+    thorough: bool | None,
 ) -> tuple[float, int]:
-    """Solve in place for the impulses ``p`` (3 n,) and ``s`` (m,) and the velocities ``u`` (3 n,) and ``v`` (nv,).
+    """Solve in place for the impulses ``system.p``, ``servos.impulse`` and the velocities ``system.u``, ``v`` (nv,).
 
-    ``servo`` (m,) are the indices of the coordinates that have a servo, ``target`` their target velocities, and ``low``
-    and ``high`` the limits of their impulses. ``state`` (m,) is HOLDS, AT_LOW or AT_HIGH for each servo; it is the
-    first guess and receives the result. ``bias`` (n,) is added to the normal velocities, also in u. ``facets`` is the
-    number of facets of the friction polyhedron, or None for the exact cone. ``compliance``, as a fraction of the mean
-    of G's diagonal, is added to this diagonal; of the many ways in which redundant contacts can share a load it selects
-    the most even one. ``thorough`` is True if more is to be tried where the cone is not solved, see
-    ``hexakin.contact.last_resorts``, or else None. Returns the residual and the number of sweeps (or pivots) of the
-    contact solver.
+    ``contacts`` is the number n of contacts and ``r`` (nv,) the momentum. ``servos.state`` is the first guess and
+    receives the result. ``facets`` is the number of facets of the friction polyhedron, or None for the exact cone.
+    ``thorough`` is True if other first guesses are to be tried where the cone is not solved, or else None. Returns the
+    residual and the number of sweeps (or pivots) of the contact solver.
     """
-    nv, m, size, contacts = r.size, servo.size, p.size, mu.size
-    slot = np.full(nv, -1, dtype=np.int64)
-    for j in range(m):
-        slot[servo[j]] = j
-    free, none = np.empty(nv, dtype=np.int64), np.empty(0)
-    L, Y, y = np.empty((nv, nv)), np.empty((nv, size)), np.empty(nv)
-    G, g, known = np.empty((size, size)), np.empty(size), np.empty(nv)
-    sweeps = 0
-    for _ in range(12):
-        count = 0
-        for i in range(nv):
-            j = slot[i]
-            known[i] = r[i]
-            if j >= 0 and state[j] == HOLDS:
-                v[i] = target[j]
-            else:
-                free[count] = i
-                count += 1
-                if j >= 0:
-                    known[i] += high[j] if state[j] == AT_HIGH else low[j]
-        for j in range(m):
-            if state[j] == HOLDS:
-                k = servo[j]
-                for i in range(nv):
-                    known[i] -= M[k, i] * v[k]
-        if not _project(M, known, J, free[:count], L, Y, y, G, g):
+    mass, factor, rows, cone, size = system.mass, system.factor, system.rows, system.cone, 3 * contacts
+    sweeps, none = 0, 0 * contacts  # with a literal 0, numba would compile the solver a second time
+    for _ in range(_ROUNDS):
+        _hold(system, servos, r, v)
+        if not factorise(mass, factor):
             return np.inf, sweeps
+        load(mass, system.known, factor)
+        project(mass, factor, rows, size, cone.G, cone.g)
+        soften(cone.G, size, accuracy.compliance)
+        for i in range(size):
+            cone.g[i] += row_speed(mass, rows, i, v)
         for c in range(contacts):
-            g[3 * c + 2] += bias[c]
-        soften(G, size, compliance)
-        for j in range(m):
-            if state[j] == HOLDS:
-                for i in range(size):
-                    g[i] += J[i, servo[j]] * target[j]
-        problem = ConeProblem(G, g, mu, p_min, none, none)
-        residual, used = _solve_contacts(problem, facets, thorough, p, u, tolerance, max_sweeps)
+            cone.g[3 * c + 2] += system.bias[c]
+        residual, used = _solve_contacts(
+            cone, system.memory, contacts, none, system.p, system.u, accuracy, facets, thorough
+        )
         sweeps += used
-        _velocities(free[:count], L, Y, y, p, v)
-        changed = False
-        for j in range(m):
-            i = servo[j]
-            if state[j] == HOLDS:
-                value = -r[i]
-                for k in range(nv):
-                    value += M[i, k] * v[k]
-                for k in range(size):
-                    value -= J[k, i] * p[k]
-                s[j] = value
-                slack = 1e-10 * (high[j] - low[j])
-                if value > high[j] + slack or value < low[j] - slack:
-                    state[j] = AT_HIGH if value > high[j] else AT_LOW
-                    changed = True
-            else:
-                s[j] = high[j] if state[j] == AT_HIGH else low[j]
-                if (v[i] - target[j]) * state[j] > 1e-12 * (1.0 + abs(target[j])):
-                    state[j] = HOLDS
-                    changed = True
-        if not changed:
+        velocities(mass, factor, rows, size, system.p, v)
+        if servos.joint.size == 0 or not _switched(system, servos, size, r, v):
             return residual, sweeps
-    # The iteration repeats itself (in about 1 of 500 hard random problems): solve for all unknowns together.
-    rows, x, w = np.zeros((size + m, nv)), np.zeros(size + m), np.empty(size + m)
-    for i in range(size):
-        for k in range(nv):
-            rows[i, k] = J[i, k]
-    for j in range(m):
-        rows[size + j, servo[j]] = 1.0
-    for i in range(nv):
-        free[i] = i
-    Y, G, g = np.empty((nv, size + m)), np.empty((size + m, size + m)), np.empty(size + m)
-    if not _project(M, r, rows, free, L, Y, y, G, g):
-        return np.inf, sweeps
-    for c in range(contacts):
-        g[3 * c + 2] += bias[c]
-    soften(G, size, compliance)
-    for j in range(m):
-        g[size + j] -= target[j]
-    problem = ConeProblem(G, g, mu, p_min, low, high)
-    residual, used = _solve_contacts(problem, facets, thorough, x, w, tolerance, max_sweeps)
-    _velocities(free, L, Y, y, x, v)
-    for i in range(size):
-        p[i], u[i] = x[i], w[i]
-    for j in range(m):
-        s[j] = x[size + j]
-        state[j] = AT_HIGH if s[j] >= high[j] else AT_LOW if s[j] <= low[j] else HOLDS
+    residual, used = _solve_together(system, servos, contacts, r, v, accuracy, facets, thorough)
     return residual, sweeps + used
 
 
-@compiled
-def solve_impact(
-    M: Array,
+@inlined
+def _hold(system: System, servos: Servos, r: Array, v: Array) -> None:
+    """Write what is known under the servos' states to ``v`` (zero where unknown), ``factor.free`` and ``known``."""
+    mass, free, known = system.mass, system.factor.free, system.known
+    for i in range(v.size):
+        v[i] = 0.0
+    for j in range(free.size):
+        free[j] = 1
+    for k in range(servos.joint.size):
+        if servos.state[k] == HOLDS:
+            j = servos.joint[k]
+            free[j], v[mass.joint_v[j]] = 0, servos.target[k]
+    multiply(mass, v, known)
+    for i in range(v.size):
+        known[i] = r[i] - known[i]
+    for k in range(servos.joint.size):
+        if servos.state[k] != HOLDS:
+            known[mass.joint_v[servos.joint[k]]] += servos.high[k] if servos.state[k] == AT_HIGH else servos.low[k]
+
+
+@inlined
+def _switched(system: System, servos: Servos, size: int, r: Array, v: Array) -> bool:
+    """Compute the servos' impulses; change the states that do not fit them, and return whether there are any."""
+    mass, total = system.mass, system.total
+    multiply(mass, v, total)
+    for i in range(v.size):
+        total[i] -= r[i]
+    for i in range(size):
+        add_impulse(mass, system.rows, i, -system.p[i], total)
+    changed = False
+    for k in range(servos.joint.size):
+        i, low, high = mass.joint_v[servos.joint[k]], servos.low[k], servos.high[k]
+        if servos.state[k] == HOLDS:
+            value = total[i]
+            servos.impulse[k] = value
+            slack = 1e-10 * (high - low)
+            if value > high + slack or value < low - slack:
+                servos.state[k] = AT_HIGH if value > high else AT_LOW
+                changed = True
+        else:
+            servos.impulse[k] = high if servos.state[k] == AT_HIGH else low
+            if (v[i] - servos.target[k]) * servos.state[k] > 1e-12 * (1.0 + abs(servos.target[k])):
+                servos.state[k] = HOLDS
+                changed = True
+    return changed
+
+
+@part
+def _solve_together(
+    system: System,
+    servos: Servos,
+    contacts: int,
     r: Array,
-    J: Array,
-    mu: Array,
-    bias: Array,
-    strikes: Whole,
-    approach: Array,
+    v: Array,
+    accuracy: Accuracy,
+    facets: int | None,
+    thorough: bool | None,
+) -> tuple[float, int]:
+    """Solve for the impulses of contacts and servos together; the arguments are those of ``solve_impulses``."""
+    mass, factor, rows, cone, size = system.mass, system.factor, system.rows, system.cone, 3 * contacts
+    driven = servos.joint.size
+    for j in range(factor.free.size):
+        factor.free[j] = 1
+    for k in range(servos.joint.size):
+        _servo_row(mass, rows, size + k, servos.joint[k])
+        cone.low[k], cone.high[k] = servos.low[k], servos.high[k]
+        system.p[size + k] = 0.0
+    if not factorise(mass, factor):
+        return np.inf, 0
+    load(mass, r, factor)
+    project(mass, factor, rows, size + driven, cone.G, cone.g)
+    soften(cone.G, size, accuracy.compliance)
+    for c in range(contacts):
+        cone.g[3 * c + 2] += system.bias[c]
+    for k in range(servos.joint.size):
+        cone.g[size + k] -= servos.target[k]
+    residual, used = _solve_contacts(
+        cone, system.memory, contacts, driven, system.p, system.u, accuracy, facets, thorough
+    )  # fmt: skip
+    velocities(mass, factor, rows, size + driven, system.p, v)
+    for k in range(servos.joint.size):
+        impulse = system.p[size + k]
+        servos.impulse[k] = impulse
+        if impulse >= servos.high[k]:
+            servos.state[k] = AT_HIGH
+        else:
+            servos.state[k] = AT_LOW if impulse <= servos.low[k] else HOLDS
+    return residual, used
+
+
+@inlined
+def _servo_row(mass: Mass, rows: Rows, row: int, joint: int) -> None:
+    """Write the row of the Jacobian that gives the velocity of a ``joint``."""
+    for leg in range(mass.leg_base.size):
+        start = mass.leg_start[leg]
+        if start <= joint < mass.leg_start[leg + 1]:
+            rows.sides[row], rows.leg[row, 0], rows.base[row, 0] = 1, leg, mass.leg_base[leg]
+            for a in range(6):
+                rows.on_base[row, 0, a] = 0.0
+            for j in range(start, mass.leg_start[leg + 1]):
+                rows.on_leg[row, 0, j - start] = 1.0 if j == joint else 0.0
+
+
+class Impact(NamedTuple):
+    """Contacts that strike, and memory for the two phases of Poisson's law.
+
+    ``strikes`` (n,) is 1 for contacts that bounce, ``approach`` (n,) [m/s] are the normal velocities before the impact.
+    ``compression`` (3 n,) [N s] and ``servo`` (m,) [N m s] receive the impulses of the first phase.
+    """
+
+    strikes: Whole
+    approach: Array
+    compression: Array
+    servo: Array
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
+def impact_memory(contacts: int, servos: int) -> Impact:
+    """Return an Impact for up to a number of ``contacts`` and of ``servos``, filled with zeros."""
+    return Impact(np.zeros(contacts, dtype=np.int64), np.zeros(contacts), np.zeros(3 * contacts), np.zeros(servos))
+
+
+@no_new_arrays
+def solve_impact(
+    system: System,
+    servos: Servos,
+    contacts: int,
+    impact: Impact,
     restitution: float,
     poisson: bool,
-    servo: Whole,
-    target: Array,
-    limit: Array,
-    state: Whole,
-    p: Array,
-    compression: Array,
-    s: Array,
-    u: Array,
+    r: Array,
     v: Array,
+    accuracy: Accuracy,
     facets: int | None,
-    compliance: float,
-    tolerance: float,
-    max_sweeps: int,
-    thorough: bool | None = None,
+    thorough: bool | None,
 ) -> tuple[float, int]:
-    """Solve as ``solve_impulses``, with restitution of the contacts that strike the ground.
+    """Solve as ``solve_impulses``, with ``restitution`` xi of the contacts that strike the ground.
 
-    ``limit`` (m,) is the largest servo impulse in both directions. ``strikes`` (n,) is 1 for contacts that bounce,
-    ``approach`` (n,) are the normal velocities before the impact, and xi is ``restitution``. Newton's law (``poisson``
-    false) requires u_n >= -xi approach and is solved in one phase. Poisson's law has two: compression (A(4)), then
-    expansion with additional normal impulses of at least xi times those of ``compression`` (3 n,) (A(5)-(6), A-E6
-    corrected). ``p`` receives the sum of both phases, ``u`` the velocities after them.
+    Newton's law (``poisson`` false) requires u_n >= -xi approach and is solved in one phase. Poisson's law has two:
+    compression (A(4)), then expansion with additional normal impulses of at least xi times those of the compression
+    (A(5)-(6), A-E6 corrected). ``system.p`` receives the sum of both phases, ``system.u`` the velocities after them;
+    ``r`` (nv,) is overwritten.
     """
-    n, m, nv = mu.size, servo.size, r.size
-    p_min, low, high, bounces = np.zeros(n), np.empty(m), np.empty(m), False
-    for j in range(m):
-        low[j], high[j] = -limit[j], limit[j]
-    for i in range(n):
-        if strikes[i] and restitution > 0.0:
+    bounces = False
+    for c in range(contacts):
+        system.cone.p_min[c] = 0.0
+        if impact.strikes[c] and restitution > 0.0:
             bounces = True
             if not poisson:
-                bias[i] = restitution * approach[i]
-    residual, sweeps = solve_impulses(
-        M,
-        r,
-        J,
-        mu,
-        bias,
-        p_min,
-        servo,
-        target,
-        -limit,
-        limit,
-        state,
-        p,
-        s,
-        u,
-        v,
-        facets,
-        compliance,
-        tolerance,
-        max_sweeps,
-        thorough,
-    )
-    for i in range(3 * n):
-        compression[i] = p[i]
-    if bounces and poisson:
-        extra, more, hold, kept = np.zeros(3 * n), np.zeros(m), np.empty(m, dtype=np.int64), np.empty(nv)
-        for j in range(m):
-            hold[j] = state[j]
-        for i in range(n):
-            if strikes[i]:
-                p_min[i] = restitution * p[3 * i + 2]
-        for i in range(nv):
-            kept[i] = 0.0
-            for k in range(nv):
-                kept[i] += M[i, k] * v[k]
-        for j in range(m):
-            low[j], high[j] = -limit[j] - s[j], limit[j] - s[j]  # the sum of both phases stays within the limit
-        second, used = solve_impulses(
-            M, kept, J, mu, bias, p_min, servo, target, low, high, hold, extra, more, u, v,
-            facets, compliance, tolerance, max_sweeps, thorough,
-        )  # fmt: skip
-        residual, sweeps = max(residual, second), sweeps + used
-        for i in range(3 * n):
-            p[i] += extra[i]
-        for j in range(m):
-            s[j] += more[j]
-    return residual, sweeps
+                system.bias[c] = restitution * impact.approach[c]
+    residual, sweeps = solve_impulses(system, servos, contacts, r, v, accuracy, facets, thorough)
+    for i in range(3 * contacts):
+        impact.compression[i] = system.p[i]
+    if not (bounces and poisson):
+        return residual, sweeps
+    multiply(system.mass, v, r)
+    for i in range(3 * contacts):
+        system.p[i] = 0.0
+    for c in range(contacts):
+        if impact.strikes[c]:
+            system.cone.p_min[c] = restitution * impact.compression[3 * c + 2]
+    for k in range(servos.joint.size):  # the sum of both phases stays within the limit
+        impact.servo[k] = servos.impulse[k]
+        servos.low[k] -= impact.servo[k]
+        servos.high[k] -= impact.servo[k]
+    second, used = solve_impulses(system, servos, contacts, r, v, accuracy, facets, thorough)
+    for i in range(3 * contacts):
+        system.p[i] += impact.compression[i]
+    for c in range(contacts):
+        system.cone.p_min[c] = 0.0
+    for k in range(servos.joint.size):
+        servos.impulse[k] += impact.servo[k]
+        servos.low[k] += impact.servo[k]
+        servos.high[k] += impact.servo[k]
+    return max(residual, second), sweeps + used

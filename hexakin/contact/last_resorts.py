@@ -10,7 +10,7 @@ import numpy as np
 from hexakin.checks import Array
 from hexakin.contact.cone import ConeMemory, ConeProblem, solve_cone
 from hexakin.contact.lcp import solve_polyhedron
-from hexakin.numerics.numba_cache import compiled
+from hexakin.numerics.numba_cache import compiled, no_new_arrays
 
 # Of 74 random problems that were not solved before, 8, 16 and 64 facets solve 72, and 12 facets one more.
 _FACETS = (8, 12, 16, 24, 32, 64, 128)
@@ -18,7 +18,7 @@ _PIVOTS, _SWEEPS = 2000, 200  # more help hardly ever
 _SOFTEST = 8  # there are as many stages, with compliances from 1 to 1e-7 of the mean of G's diagonal
 
 
-@compiled
+@no_new_arrays
 def soften(G: Array, size: int, compliance: float) -> None:
     """Add ``compliance`` times the mean of the diagonal of ``G`` to its first ``size`` diagonal elements."""
     mean = 0.0
@@ -71,3 +71,24 @@ def solve_hard_cone(
             for i in range(size):
                 p[i], u[i] = x[i], w[i]
     return best, sweeps
+
+
+@compiled
+def improve(
+    problem: ConeProblem,
+    contacts: int,
+    servos: int,
+    p: Array,
+    u: Array,
+    residual: float,
+    tolerance: float,
+    memory: ConeMemory,
+) -> tuple[float, int]:
+    """Solve as ``solve_hard_cone``, but keep ``p`` and ``u`` with their ``residual`` if the result is not better."""
+    x, w = np.zeros(p.size), np.zeros(p.size)
+    second, sweeps = solve_hard_cone(problem, contacts, servos, x, w, tolerance, memory)
+    if not second < residual:
+        return residual, sweeps
+    for i in range(3 * contacts + servos):
+        p[i], u[i] = x[i], w[i]
+    return second, sweeps

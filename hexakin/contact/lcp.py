@@ -84,7 +84,7 @@ def _build(
     multipliers. ``G`` and ``h`` are scaled; h are the velocities at the lower bounds ``least`` of the impulses.
     ``width`` (m,) are the widths of the servos' boxes.
     """
-    n, m = mu.size, width.size
+    n, m = least.size, width.size
     facets, boxes = (q.size - 2 * m) // n - 2 if n > 0 else 0, q.size - 2 * m
     for i in range(q.size):
         q[i] = 0.0

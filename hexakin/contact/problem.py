@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
-from hexakin.contact.impulses import solve_impact
+from hexakin.contact.impulses import (
+    Accuracy,
+    Impact,
+    Servos,
+    System,
+    impact_memory,
+    solve_impact,
+    system_memory,
+)
+from hexakin.contact.mass import Mass
 from hexakin.exceptions import ContactError, InvalidInputError, shown
 from hexakin.numerics.display import short_repr
 from hexakin.numerics.interrupts import interrupts_kept
@@ -172,33 +181,59 @@ def solve(
     check_number("compliance", compliance, at_least=0.0)
     check_number("tolerance", tolerance, above=0.0)
     check_whole("max_iterations", max_iterations, at_least=1)
-    n, m, nv = len(problem.jacobian), len(problem.servo), len(problem.momentum)
-    J = problem.jacobian.reshape(3 * n, nv).copy()
-    mu, limit, approach = (np.array(a) for a in (problem.friction, problem.servo_limit, problem.approach))
-    bias = np.array(problem.gap_rate)
-    p, compression, u, s, v = np.zeros(3 * n), np.zeros(3 * n), np.zeros(3 * n), np.zeros(m), np.zeros(nv)
-    data = (
-        problem.mass.copy(), problem.momentum.copy(), J, mu, bias, (approach < 0.0).astype(np.int64), approach,
-        float(restitution), law == "poisson", problem.servo, np.array(problem.servo_velocity), limit,
-        np.zeros(m, dtype=np.int64), p, compression, s, u, v, sides, float(compliance), float(tolerance),
-        max_iterations,
-    )  # fmt: skip
+    accuracy = Accuracy(float(compliance), float(tolerance), max_iterations)
+    options = (float(restitution), law == "poisson")
     with announced("the contact solvers"):
-        residual, iterations = solve_impact(*data)
+        system, servos, impact, v, residual, iterations = _solved(problem, options, accuracy, sides, None)
         if not residual <= tolerance and sides is None:
-            residual, more = solve_impact(*data, True)
+            system, servos, impact, v, residual, more = _solved(problem, options, accuracy, sides, True)
             iterations += more
     if not residual <= tolerance:
         raise ContactError(residual, tolerance, iterations)
+    n, nv = len(problem.jacobian), len(problem.momentum)
+    p, u, compression = (a[: 3 * n].reshape(n, 3) for a in (system.p, system.u, impact.compression))
+    friction, struck, J = np.array(problem.friction), impact.strikes == 1, problem.jacobian.reshape(3 * n, nv)
     expanded = law == "poisson" and restitution > 0.0
-    least = restitution * compression[2::3] * (approach < 0.0) if expanded else np.zeros(n)
-    last = p - compression if expanded and (approach < 0.0).any() else p
+    least = restitution * compression[:, 2] * struck if expanded else np.zeros(n)
+    last = p - compression if expanded and struck.any() else p
     free = J @ np.linalg.solve(problem.mass, problem.momentum)
-    residuals = _residuals(last.reshape(n, 3), u.reshape(n, 3), mu, least, free, sides, residual)
-    contact_velocity = (J @ v).reshape(n, 3)
-    return ContactSolution(
-        p.reshape(n, 3), compression.reshape(n, 3), s, v, contact_velocity, residuals, iterations
+    residuals = _residuals(last, u, friction, least, free, sides, residual)
+    return ContactSolution(p, compression, servos.impulse, v, (J @ v).reshape(n, 3), residuals, iterations)
+
+
+def _solved(
+    problem: ContactProblem,
+    restitution: tuple[float, bool],
+    accuracy: Accuracy,
+    facets: int | None,
+    thorough: Literal[True] | None,
+) -> tuple[System, Servos, Impact, Array, float, int]:
+    """Return what ``solve_impact`` has worked on, the velocity (nv,), the residual and the number of iterations.
+
+    ``restitution`` is the coefficient, and whether it follows Poisson's law.
+    """
+    n, m, nv = len(problem.jacobian), len(problem.servo), len(problem.momentum)
+    nobody = np.zeros(0, dtype=np.int64)
+    # All coordinates are one leg without a body.
+    mass = Mass(
+        nobody, np.arange(nv), np.array([-1]), np.array([0, nv]), np.zeros((0, 10)),
+        np.zeros((nv, 6)), problem.mass.copy(),
     )  # fmt: skip
+    system, impact = system_memory(mass, n, m), impact_memory(n, m)
+    system.rows.sides[:] = 1
+    system.rows.leg[: 3 * n, 0] = 0
+    system.rows.on_leg[: 3 * n, 0] = problem.jacobian.reshape(3 * n, nv)
+    system.cone.mu[:], system.bias[:] = problem.friction, problem.gap_rate
+    impact.approach[:] = problem.approach
+    impact.strikes[:] = impact.approach < 0.0
+    limit = np.array(problem.servo_limit)
+    state = np.zeros(m, dtype=np.int64)
+    servos = Servos(problem.servo.copy(), np.array(problem.servo_velocity), -limit, limit, state, np.zeros(m))
+    v = np.zeros(nv)
+    residual, iterations = solve_impact(
+        system, servos, n, impact, *restitution, problem.momentum.copy(), v, accuracy, facets, thorough
+    )
+    return system, servos, impact, v, residual, iterations
 
 
 def _residuals(

@@ -53,18 +53,19 @@ class BoxTouch:
         self._patch_request.setPatchTolerance(_FLUSH)
         self._patches = coal.ContactPatchResult(self._patch_request)
 
-    def add(self, data: pin.Data, pairs: Whole, margin: float, contacts: Contacts, count: int) -> int:
+    def add(self, poses: Array, pairs: Whole, margin: float, contacts: Contacts, count: int) -> int:
         """Append contacts to ``contacts``, which holds ``count`` of them, and return the new number.
 
         They are the contacts of ``pairs`` (k, 2), which are numbers of a body's box and of a box of the ground, and of
-        the bodies with each other, with gaps of up to ``margin`` [m]. The bodies are at the poses in ``data``.
+        the bodies with each other, with gaps of up to ``margin`` [m]. ``poses`` (joints, 12) are those of the bodies.
         """
         self._request.security_margin = margin
         posed: dict[int, _PosedBox] = {}
 
         def box(k: int) -> _PosedBox:
             if k not in posed:
-                T = data.oMi[self._cuboids[k].joint] * self._placements[k]
+                P = poses[self._cuboids[k].joint]
+                T = pin.SE3(P[:9].reshape(3, 3).T, P[9:]) * self._placements[k]
                 posed[k] = _posed(self._boxes[k], T.rotation, T.translation)
             return posed[k]
 

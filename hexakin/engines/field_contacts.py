@@ -14,7 +14,7 @@ from hexakin.checks import Array
 from hexakin.engines.field_grid import Field, block_cells, field_cells, field_triangle, first_block, next_block
 from hexakin.engines.ground_grid import SAME, nearest_on_triangle, point_under_triangle
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, no_new_arrays
+from hexakin.numerics.numba_cache import Whole, part
 
 _CANDIDATES = 64  # largest number of boxes and triangles near one sphere that are compared; the closest of more
 
@@ -56,7 +56,7 @@ def empty_scratch() -> Scratch:
     return Scratch(rows, items, *others)
 
 
-@no_new_arrays
+@part
 def field_sphere(field: Field, x: float, y: float, z: float, radius: float, margin: float, scratch: Scratch) -> int:
     """Find the contacts of a sphere with a height field that have gaps of up to ``margin`` [m]; return their number.
 
@@ -96,13 +96,13 @@ def field_sphere(field: Field, x: float, y: float, z: float, radius: float, marg
     return found
 
 
-@no_new_arrays
+@part
 def _number(field: Field, i: int, j: int, far: int) -> int:
     """Number of a triangle, as in GridMesh."""
     return (far * (field.x.size - 1) + i) * (field.y.size - 1) + j
 
 
-@no_new_arrays
+@part
 def _added(row: Array, item: int, scratch: Scratch, found: int) -> int:
     """Append a contact unless its point is one of the ``found`` points before it; return the new number."""
     rows = scratch.rows
@@ -112,7 +112,7 @@ def _added(row: Array, item: int, scratch: Scratch, found: int) -> int:
     return keep_closest(row, item, scratch, found)
 
 
-@no_new_arrays
+@part
 def keep_closest(row: Array, item: int, scratch: Scratch, found: int) -> int:
     """Append ``row`` (7,) to ``scratch.rows``, and ``item`` to ``scratch.items``; return the new number of rows.
 
@@ -132,7 +132,7 @@ def keep_closest(row: Array, item: int, scratch: Scratch, found: int) -> int:
     return max(found, place + 1)
 
 
-@no_new_arrays
+@part
 def _contact_places(
     field: Field, level: int, i: int, j: int, x: float, y: float, z: float, reach: float
 ) -> tuple[bool, tuple[float, float], tuple[float, float]]:
@@ -158,7 +158,7 @@ def _contact_places(
     return near, a, b
 
 
-@no_new_arrays
+@part
 def _range(axis: Array, place: float, low: float, high: float, w_low: float, w_high: float) -> tuple[float, float]:
     """Middle and half the width [m] of the range of place + s * w on an axis, with s and w in the given ranges."""
     p, q, r, s = low * w_low, low * w_high, high * w_low, high * w_high
@@ -167,7 +167,7 @@ def _range(axis: Array, place: float, low: float, high: float, w_low: float, w_h
     return 0.5 * (least + most), 0.5 * (most - least) + SAME + 1e-9 * (most - least)
 
 
-@no_new_arrays
+@part
 def _is_contact(
     field: Field, i: int, j: int, far: int, x: float, y: float, z: float, reach: float, T: Array, row: Array
 ) -> bool:
@@ -195,7 +195,7 @@ def _is_contact(
     return distance <= reach
 
 
-@no_new_arrays
+@part
 def _set_normal(T: Array) -> None:
     """Write the unit normal of a triangle of a height field to the last three numbers of ``T`` (12,)."""
     ux, uy, uz, wx, wy, wz = T[3] - T[0], T[4] - T[1], T[5] - T[2], T[6] - T[0], T[7] - T[1], T[8] - T[2]
@@ -204,7 +204,7 @@ def _set_normal(T: Array) -> None:
     T[9], T[10], T[11] = nx / size, ny / size, nz / size
 
 
-@no_new_arrays
+@part
 def _is_closest_around(field: Field, x: float, y: float, z: float, cx: float, cy: float, cz: float) -> bool:
     """Whether (``cx``, ``cy``, ``cz``) [m], a point on edges of triangles, is their closest point to (x, y, z) [m].
 
@@ -228,7 +228,7 @@ def _is_closest_around(field: Field, x: float, y: float, z: float, cx: float, cy
     return True
 
 
-@no_new_arrays
+@part
 def field_near(field: Field, R: Array, center: Array, half: Array, margin: float) -> bool:
     """Whether a height field may penetrate a box or be within ``margin`` [m] of it.
 
@@ -249,7 +249,7 @@ def field_near(field: Field, R: Array, center: Array, half: Array, margin: float
     return False
 
 
-@no_new_arrays
+@part
 def field_vertices(field: Field, R: Array, center: Array, half: Array, margin: float, scratch: Scratch) -> None:
     """Find the deepest vertex of a height field in each quarter of each face of a box, with ``keep_deepest``.
 
@@ -270,7 +270,7 @@ def field_vertices(field: Field, R: Array, center: Array, half: Array, margin: f
         level, i, j = next_block(window, top, level, i, j, near and level > 0)
 
 
-@no_new_arrays
+@part
 def keep_deepest(R: Array, center: Array, half: Array, scratch: Scratch) -> None:
     """Keep ``scratch.point`` (3,) [m] if it is the deepest in its quarter of a face of a box.
 
@@ -294,7 +294,7 @@ def keep_deepest(R: Array, center: Array, half: Array, scratch: Scratch) -> None
             scratch.best[quarter, b] = point[b]
 
 
-@no_new_arrays
+@part
 def extent(R: Array, half: Array, x: float, y: float, z: float) -> float:
     """Half the extent [m] of a box along the direction (x, y, z); rotation and size as for ``field_near``."""
     reach = 0.0
@@ -303,7 +303,7 @@ def extent(R: Array, half: Array, x: float, y: float, z: float) -> float:
     return reach
 
 
-@no_new_arrays
+@part
 def _window(field: Field, R: Array, center: Array, half: Array, margin: float) -> tuple[int, int, int, int]:
     """First and last i, first and last j of the cells under a box and within ``margin`` [m] beside it."""
     i0, i1 = field_cells(field.x, center[0], extent(R, half, 1.0, 0.0, 0.0) + margin)
@@ -311,7 +311,7 @@ def _window(field: Field, R: Array, center: Array, half: Array, margin: float) -
     return i0, i1, j0, j1
 
 
-@no_new_arrays
+@part
 def _block_meets(field: Field, level: int, i: int, j: int, R: Array, center: Array, half: Array, margin: float) -> bool:
     """Whether the bounds of a block meet a box or come within ``margin`` [m] of one of its faces."""
     block, bounds = field.levels[level, 0] + i * field.levels[level, 2] + j, field.bounds

@@ -9,7 +9,7 @@ import numpy as np
 
 from hexakin.checks import Array
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, no_new_arrays
+from hexakin.numerics.numba_cache import Whole, part
 from hexakin.terrain.height_field import GridMesh
 
 _UNEVEN = 1e-5  # of a cell: ten times the error that HeightField allows in the spacing of an axis
@@ -100,7 +100,7 @@ def _blocks(values: Array, along_x: range, along_y: range, shape: tuple[int, int
     return found[0], found[1]
 
 
-@no_new_arrays
+@part
 def field_cells(axis: Array, place: float, reach: float) -> tuple[int, int]:
     """First and last cell along an axis within ``reach`` [m] of a place [m]; the range is empty if there is none."""
     last = axis.size - 2
@@ -111,7 +111,7 @@ def field_cells(axis: Array, place: float, reach: float) -> tuple[int, int]:
     return int(max(low, 0.0)), int(min(high, last + 0.5))
 
 
-@no_new_arrays
+@part
 def first_block(field: Field, window: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
     """Level and place (i, j) of the first block for a search in a window of cells, and this level once more.
 
@@ -127,7 +127,7 @@ def first_block(field: Field, window: tuple[int, int, int, int]) -> tuple[int, i
     return top, i0 >> 2 * top + 2, j0 >> 2 * top + 2, top
 
 
-@no_new_arrays
+@part
 def next_block(
     window: tuple[int, int, int, int], top: int, level: int, i: int, j: int, inside: bool
 ) -> tuple[int, int, int]:
@@ -150,7 +150,7 @@ def next_block(
     return -1, 0, 0
 
 
-@no_new_arrays
+@part
 def block_cells(window: tuple[int, int, int, int], level: int, i: int, j: int) -> tuple[int, int, int, int]:
     """First and last i, first and last j of the cells of block (``i``, ``j``) of ``level`` that are in a window."""
     shift = 2 * level + 2
@@ -162,7 +162,7 @@ def block_cells(window: tuple[int, int, int, int], level: int, i: int, j: int) -
     )
 
 
-@no_new_arrays
+@part
 def field_triangle(field: Field, i: int, j: int, far: int, T: Array) -> None:
     """Write the vertices [m] of a triangle of cell (``i``, ``j``) to the first nine numbers of ``T`` (12,).
 

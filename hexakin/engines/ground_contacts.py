@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hexakin.checks import Array
 from hexakin.engines.field_contacts import (
@@ -25,11 +24,11 @@ from hexakin.engines.field_contacts import (
 )
 from hexakin.engines.ground_grid import SAME, Ground, cells_within, lies_on, nearest_point, point_under_triangle
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, no_new_arrays
+from hexakin.numerics.numba_cache import Whole, no_new_arrays, part
 
 
-class Bodies(NamedTuple):
-    """Shapes of bodies, and the joints that move them.
+class Shapes(NamedTuple):
+    """Collision shapes of bodies; joints are those of the Pinocchio model, as indices.
 
     Parameters
     ----------
@@ -43,14 +42,6 @@ class Bodies(NamedTuple):
         Rotation (b, 3, 3) of each box in the joint's frame.
     box
         Centre in the joint's frame and half edge lengths (b, 6) [m] of each box.
-    moves
-        Whether each coordinate of the velocity moves the body of each joint, (joints, nv) bool.
-    floating, hinges
-        For free joints and for joints of one coordinate: the indices (k, 2) of the first coordinate in q and in v.
-    servo, servo_q
-        Indices (m,) in v and in q of the joints with servos.
-    meeting
-        Whether bodies can touch each other.
     """
 
     sphere_joint: Whole
@@ -60,12 +51,6 @@ class Bodies(NamedTuple):
     box_group: Whole
     box_rotation: Array
     box: Array
-    moves: NDArray[np.bool_]
-    floating: Whole
-    hinges: Whole
-    servo: Whole
-    servo_q: Whole
-    meeting: bool
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -112,7 +97,7 @@ def empty_contacts(capacity: int) -> Contacts:
     return Contacts(bodies, vectors, vectors.copy(), gap, whole, whole.copy(), empty_scratch())
 
 
-@no_new_arrays
+@part
 def _append(contacts: Contacts, count: int, body: int, group: int, row: Array, radius: float, key: int) -> int:
     """Append the contact of a sphere with the closest point in ``row`` (7,); return the new number of contacts."""
     if count == contacts.gap.size:
@@ -273,7 +258,7 @@ def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float
     return False
 
 
-@no_new_arrays
+@part
 def box_pairs(
     ground: Ground, box: int, R: Array, center: Array, half: Array, margin: float, pairs: Whole, count: int
 ) -> int:
@@ -312,7 +297,7 @@ def box_pairs(
     return count
 
 
-@no_new_arrays
+@part
 def _center(P: Array, x: Array, out: Array) -> None:
     """Write point ``x`` of a joint's frame, in world coordinates, to ``out``.
 
@@ -322,31 +307,31 @@ def _center(P: Array, x: Array, out: Array) -> None:
         out[a] = P[a] * x[0] + P[3 + a] * x[1] + P[6 + a] * x[2] + P[9 + a]
 
 
-@no_new_arrays
+@part
 def _rotation(P: Array, R_joint: Array, out: Array) -> None:
     for a in range(3):
         for b in range(3):
             out[a, b] = P[a] * R_joint[0, b] + P[3 + a] * R_joint[1, b] + P[6 + a] * R_joint[2, b]
 
 
-@no_new_arrays
+@part
 def find_contacts(
-    poses: Array, bodies: Bodies, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
+    poses: Array, shapes: Shapes, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
 ) -> tuple[int, int]:
-    """Find the contacts of the shapes of ``bodies`` with ``ground`` that have gaps of up to ``margin`` [m].
+    """Find the contacts of ``shapes`` with ``ground`` that have gaps of up to ``margin`` [m].
 
     ``poses`` (joints, 12) are the joints' poses, each as a rotation, column by column, and a translation [m]. Returns
     the number of contacts written to ``contacts``, and the number of ``pairs`` (body's box, box of the ground) that are
     close to each other. The contacts of these pairs are computed by ``hexakin.engines.box_contacts``.
     """
     count, near, number, x = 0, 0, 0, contacts.scratch.point
-    for k in range(bodies.sphere_joint.size):
-        S = bodies.sphere[k]
-        _center(poses[bodies.sphere_joint[k]], S, x)
+    for k in range(shapes.sphere_joint.size):
+        S = shapes.sphere[k]
+        _center(poses[shapes.sphere_joint[k]], S, x)
         count = sphere_contacts(
             ground,
-            bodies.sphere_joint[k],
-            bodies.sphere_group[k],
+            shapes.sphere_joint[k],
+            shapes.sphere_group[k],
             number,
             x[0],
             x[1],
@@ -358,10 +343,10 @@ def find_contacts(
         )
         number += 1
     R, center = contacts.scratch.rotation, contacts.scratch.center
-    for k in range(bodies.box_joint.size):
-        P, B, joint, group = poses[bodies.box_joint[k]], bodies.box[k], bodies.box_joint[k], bodies.box_group[k]
+    for k in range(shapes.box_joint.size):
+        P, B, joint, group = poses[shapes.box_joint[k]], shapes.box[k], shapes.box_joint[k], shapes.box_group[k]
         _center(P, B, center)
-        _rotation(P, bodies.box_rotation[k], R)
+        _rotation(P, shapes.box_rotation[k], R)
         if box_near(ground, R, center, B[3:], margin):
             for corner in range(8):
                 for a in range(3):

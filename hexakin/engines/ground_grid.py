@@ -10,7 +10,7 @@ from hexakin.checks import Array
 from hexakin.engines.field_grid import Field, compile_field, no_field
 from hexakin.exceptions import InvalidInputError, shown
 from hexakin.numerics.display import short_repr
-from hexakin.numerics.numba_cache import Whole, no_new_arrays
+from hexakin.numerics.numba_cache import Whole, part
 from hexakin.terrain.base import Box, HalfSpace, Terrain, TriangleMesh
 from hexakin.terrain.height_field import GridMesh
 
@@ -114,7 +114,7 @@ def compile_ground(terrain: Terrain) -> Ground:
     return Ground(half_spaces, solid, triangles, vertices, corner, cell, cells, start, items, top, field)
 
 
-@no_new_arrays
+@part
 def nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[float, float, float, bool]:
     """Closest point of a triangle to a point, and whether it is in the triangle's interior, not on its border.
 
@@ -153,14 +153,14 @@ def nearest_on_triangle(T: Array, px: float, py: float, pz: float) -> tuple[floa
     return ax + s * ux + t * wx, ay + s * uy + t * wy, az + s * uz + t * wz, True
 
 
-@no_new_arrays
+@part
 def _box_distance(B: Array, x: float, y: float, z: float) -> float:
     """Distance [m] from a point to a box; 0 inside the box."""
     dx, dy, dz = max(B[0] - x, 0.0, x - B[3]), max(B[1] - y, 0.0, y - B[4]), max(B[2] - z, 0.0, z - B[5])
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@no_new_arrays
+@part
 def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: Array) -> None:
     """Find the closest point of a box or triangle to the point (``x``, ``y``, ``z``) [m].
 
@@ -203,7 +203,7 @@ def nearest_point(ground: Ground, item: int, x: float, y: float, z: float, row: 
     row[0], row[1], row[2], row[6] = cx, cy, cz, distance
 
 
-@no_new_arrays
+@part
 def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> None:
     """Find the closest point of the plane of a triangle, for a point that may be in the ground.
 
@@ -220,7 +220,7 @@ def point_under_triangle(T: Array, x: float, y: float, z: float, row: Array) -> 
     row[3], row[4], row[5], row[6] = T[9], T[10], T[11], distance
 
 
-@no_new_arrays
+@part
 def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
     """Whether the point (``x``, ``y``, ``z``) [m] is on or in box or triangle number ``item`` of ``ground``."""
     if item < ground.boxes.shape[0]:
@@ -229,7 +229,7 @@ def lies_on(ground: Ground, item: int, x: float, y: float, z: float) -> bool:
     return (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2 <= SAME * SAME
 
 
-@no_new_arrays
+@part
 def cells_within(ground: Ground, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
     """First and last i, then first and last j, of the cells of ``ground`` within ``reach`` [m] of a point.
 

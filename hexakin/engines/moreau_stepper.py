@@ -5,30 +5,35 @@ The method is that of Jean and Moreau 1992, see ``hexakin.engines.moreau_step``.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.contact.impulses import HOLDS
+from hexakin.contact.impulses import HOLDS, Accuracy
+from hexakin.contact.impulses import Servos as Driven
 from hexakin.contact.problem import check_facets
 from hexakin.dynamics import pin
 from hexakin.engines.base import TorqueLaw
 from hexakin.engines.box_contacts import BoxTouch
-from hexakin.engines.ground_contacts import Bodies, empty_contacts
-from hexakin.engines.ground_grid import compile_ground
-from hexakin.engines.moreau_step import CAPACITY, Drive, Law, State, drift, march
+from hexakin.engines.ground_contacts import Shapes
+from hexakin.engines.ground_grid import Ground, compile_ground
+from hexakin.engines.leg_dynamics import Bodies
+from hexakin.engines.model_bodies import bodies_of
+from hexakin.engines.moreau_step import CROWDED, LOST, TOUCHING, UNSOLVED, drift, run
 from hexakin.engines.shapes import Cuboid, Sphere
+from hexakin.engines.step_values import MOST_CONTACTS, Drive, Law, Places, Scene, Torques, state_memory, step_memory
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
 from hexakin.numerics.display import short_repr
 from hexakin.numerics.interrupts import interrupts_kept
-from hexakin.numerics.numba_cache import announced
+from hexakin.numerics.numba_cache import Whole, announced, entry
 from hexakin.robot.model import GRAVITY
 from hexakin.terrain.base import Terrain
 
 _FAST = 5.0  # [m/s] Bodies that are slower strike at the right step; faster ones may strike one step too late.
-_HOPELESS = 1e-3  # relative residual above which a simulation stops
+_CONTACTS = 12  # that memory is made for at first
 
 
 class Servos(NamedTuple):
@@ -139,41 +144,32 @@ class MoreauStepper:
             threshold=check_number("restitution_threshold", threshold, at_least=0.0, unit="m/s"),
             servo_rate=servos.rate if servos else 0.0,
             servo_torque=servos.max_torque if servos else 0.0,
-            compliance=check_number("compliance", compliance, at_least=0.0),
-            tolerance=check_number("tolerance", tolerance, above=0.0),
-            max_sweeps=check_whole("max_sweeps", max_sweeps, at_least=1),
             reach=(float(threshold) + 2.0 * GRAVITY * h) * h,
             search_distance=max(float(threshold) + 2.0 * GRAVITY * h, 0.5 * _FAST) * h,
+            accuracy=Accuracy(
+                compliance=check_number("compliance", compliance, at_least=0.0),
+                tolerance=check_number("tolerance", tolerance, above=0.0),
+                max_sweeps=check_whole("max_sweeps", max_sweeps, at_least=1),
+            ),
         )
         self._model, self._data = model, model.createData()
         ground = compile_ground(terrain)
         self._touch = BoxTouch(model, shapes, ground)
-        self._bodies = _bodies(model, shapes, servos, bool(self._touch.body_pairs))
-        count = len(self._bodies.servo)
-        self._state = State(
-            v=np.zeros(model.nv),
-            s=np.zeros(count),
-            hold=np.zeros(count, dtype=np.int64),
-            old_key=np.zeros(CAPACITY, dtype=np.int64),
-            old_impulse=np.zeros((CAPACITY, 3)),
-            old_count=np.zeros(1, dtype=np.int64),
-            found=np.zeros(1, dtype=np.int64),
-            impulse=np.zeros(groups),
-            last_impulse=np.zeros(groups),
-            sums=np.zeros(4),
-            rate_moment=np.zeros((3, 3)),
-        )
-        self._q_half = pin.neutral(model)
-        self._drive = Drive(np.zeros(count), np.zeros(1, dtype=np.bool_), *(np.zeros(count) for _ in range(3)))
-        self._contacts = empty_contacts(CAPACITY)
-        self._pairs = np.zeros((CAPACITY, 2), dtype=np.int64)
-        self.steps = self.unsolved_steps = 0
-        data = self._data
-        with announced("the rigid engine"):
-            self._march = march(
-                data.M, data.nle, data.J, _pose_view(model, data), self._q_half, self._drive, self._bodies, ground,
-                self._contacts, self._pairs, self._law, check_facets(facets), self._state,
-            )  # fmt: skip
+        bodies = bodies_of(model)
+        self._scene = _scene(model, bodies, _shapes(shapes), ground, bool(self._touch.body_pairs))
+        order = self._scene.places.joint_of.tolist()
+        driven = np.array([order.index(joint) for joint in servos.joints] if servos else [], dtype=np.int64)
+        count = len(driven)
+        self._drive = Drive(np.zeros(count), _driven(driven), _driven(driven[:0]))
+        self._torques = Torques(*(np.zeros(count) for _ in range(3)))
+        self._state = state_memory(model.nq, model.nv, groups)
+        self._state.q[:] = pin.neutral(model)
+        self._facets = check_facets(facets)
+        self._step = step_memory(bodies, model.njoints, count, _CONTACTS)
+        self.steps = 0
+        self._runs: dict[tuple[bool, bool], Callable[..., tuple[int, int]]] = {}
+        self._go_on(by_torque=False, thorough=False, steps=0, resume=False)
+        self._drift = entry(drift, bodies, self._state.q, self._state.v, 0.0)
 
     @property
     def q(self) -> Array:
@@ -186,27 +182,32 @@ class MoreauStepper:
         return self._now()[1]
 
     def _now(self) -> tuple[Array, Array]:
-        q, v = self._q_half.copy(), self._state.v.copy()
-        drift(q, v, self._bodies, -0.5 * self.time_step)
+        q, v = self._state.q.copy(), self._state.v.copy()
+        self._drift(self._scene.bodies, q, v, -0.5 * self.time_step)
         return q, v
 
     @property
     def servo_torque(self) -> Array:
         """Torques (m,) [N m] of the servos in the last step."""
-        return self._state.s / self.time_step
+        return self._drive.servos.impulse / self.time_step
+
+    @property
+    def unsolved_steps(self) -> int:
+        """Number of steps whose residual is above the tolerance."""
+        return int(self._state.sums.unsolved[0])
 
     def place(self, q: ArrayLike, v: ArrayLike | None = None) -> None:
         """Set the configuration ``q`` (nq,) and the velocity ``v`` (nv,), which is zero if ``v`` is None.
 
         Raises InvalidInputError for a wrong shape or a value that is not finite.
         """
-        state, model = self._state, self._model
-        self._q_half[:] = check_array("q", q, (model.nq,))
+        state, model, servos = self._state, self._model, self._drive.servos
+        state.q[:] = check_array("q", q, (model.nq,))
         state.v[:] = 0.0 if v is None else check_array("v", v, (model.nv,))
-        drift(self._q_half, state.v, self._bodies, 0.5 * self.time_step)
-        state.s[:] = 0.0
-        state.hold[:] = HOLDS
-        state.old_count[0] = 0
+        self._drift(self._scene.bodies, state.q, state.v, 0.5 * self.time_step)
+        servos.impulse[:] = 0.0
+        servos.state[:] = HOLDS
+        state.last.number[0] = 0
 
     def energy(self) -> float:
         """Return the sum of kinetic and potential energy [J]."""
@@ -224,112 +225,92 @@ class MoreauStepper:
         number of angles. Raises SimulationError, with the number of the step and the residual, if contact forces cannot
         be found or the state is no longer finite; also if there are too many contacts.
         """
-        model, data, q, v = self._model, self._data, self._q_half, self._state.v
-        state, loop, world = self._state, self._march, pin.Convention.WORLD
+        drive, state = self._drive, self._state
         angles = np.zeros(0) if command is None else np.asarray(command, dtype=float).ravel()
-        drive = self._drive
         if angles.shape != drive.command.shape:
             raise InvalidInputError(f"command: expected {drive.command.size} angles, got {angles.size}")
         drive.command[:] = angles
-        drive.by_torque[0] = torque_law is not None
         if torque_law is not None:
-            for mine, given in zip((drive.kp, drive.kd, drive.torque), torque_law, strict=True):
+            for mine, given in zip(self._torques, torque_law, strict=True):
                 mine[:] = np.ravel(given)
-        state.impulse[:] = 0.0
-        state.sums[:] = 0.0
-        state.rate_moment[:] = 0.0
-        worst, driven = 0.0, drive.command.size > 0
-        turning = np.ones(model.nv, dtype=bool)
-        for j in self._bodies.floating[:, 1]:
-            turning[j : j + 3] = False
-        for _ in range(num_steps):
-            pin.crba(model, data, q, world)
-            pin.nonLinearEffects(model, data, q, v)
-            if not driven and v[turning].any():
-                self._center_bias(q, v)
-            near = next(loop)
-            if near >= 0:
-                found = int(state.found[0])
-                state.found[0] = self._touch.add(data, self._pairs[:near], self._law.reach, self._contacts, found)
-                next(loop)
-            self.steps += 1
-            if state.found[0] >= CAPACITY:
-                raise SimulationError(
-                    f"rigid: more than {CAPACITY - 1} contacts at t = {self.steps * self.time_step:g} s"
-                )
-            residual = float(state.sums[3])
-            if not residual <= self._law.tolerance:
-                self._unsolved(residual)
-            worst = max(worst, residual)
-        if not (np.isfinite(q).all() and np.isfinite(v).all()):
-            self._unsolved(np.inf)
-        work, lost, depth = (float(total) for total in state.sums[:3])
+        sums = state.sums
+        for total in (sums.impulse, sums.totals, sums.rate_moment):
+            total[...] = 0.0
+        self._advance(num_steps, torque_law is not None)
+        if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
+            self._fail(np.inf)
+        work, lost, depth, worst = sums.totals.tolist()
         return StepSums(
-            state.impulse.copy(), state.last_impulse.copy(), work, lost, depth, worst, state.rate_moment.copy()
+            sums.impulse.copy(), sums.last_impulse.copy(), work, lost, depth, worst, sums.rate_moment.copy()
         )
 
-    def _center_bias(self, q: Array, v: Array) -> None:
-        """Replace the velocity-dependent forces by those in the middle of the step.
+    def _go_on(self, by_torque: bool, thorough: bool, steps: int, resume: bool) -> tuple[int, int]:
+        """Call ``moreau_step.run``, compiled for these kinds of arguments when they first occur."""
+        arguments = (
+            self._scene, self._drive, self._torques if by_torque else None, self._law, self._facets,
+            True if thorough else None, self._state, self._step,
+        )  # fmt: skip
+        if (by_torque, thorough) not in self._runs:
+            with announced("the rigid engine"):
+                self._runs[by_torque, thorough] = entry(run, *arguments, 0, False)
+        return self._runs[by_torque, thorough](*arguments, steps, resume)
 
-        With these forces tumbling bodies keep their energy. A robot with servos rotates too slowly for this to matter,
-        so that it is not computed for robots.
-        """
-        data, floating = self._data, self._bodies.floating[:, 1]
-        M = np.triu(data.M) + np.triu(data.M, 1).T
+    def _advance(self, num_steps: int, by_torque: bool) -> None:
+        left, resume, thorough = num_steps, False, False
+        while left > 0:
+            made, why = self._go_on(by_torque, thorough, 1 if thorough else left, resume)
+            self.steps += made
+            left -= made
+            step, resume, thorough = self._step, why in (TOUCHING, UNSOLVED), why == UNSOLVED
+            if why == LOST:
+                self.steps += 1
+                self._fail(float(self._state.sums.totals[3]))
+            if why == TOUCHING:
+                pairs = step.pairs[: step.near[0]]
+                step.found[0] = self._touch.add(step.poses, pairs, self._law.reach, step.contacts, int(step.found[0]))
+            if step.found[0] >= MOST_CONTACTS:
+                raise SimulationError(
+                    f"rigid: more than {MOST_CONTACTS - 1} contacts at t = {self.steps * self.time_step:g} s"
+                )
+            if why == CROWDED:
+                room = 2 * int(step.found[0])
+                self._step = step_memory(self._scene.bodies, self._model.njoints, len(self._drive.command), room)
 
-        def turning(v: Array) -> Array:
-            rate = np.zeros_like(v)
-            for j in floating:
-                rate[j : j + 3] = np.cross(v[j + 3 : j + 6], v[j : j + 3])
-            return rate
-
-        half_way = v
-        for _ in range(3):
-            half_way = v - 0.5 * self.time_step * (np.linalg.solve(M, data.nle) - turning(half_way))
-            pin.nonLinearEffects(self._model, data, q, half_way)
-        data.nle[:] += M @ (turning(v) - turning(half_way))
-
-    def _unsolved(self, residual: float) -> None:
-        self.unsolved_steps += 1
-        self._state.sums[3] = 0.0
-        if not residual <= _HOPELESS:
-            raise SimulationError(
-                f"rigid: no contact forces found at t = {self.steps * self.time_step:g} s (step {self.steps} of "
-                f"{self.time_step:g} s): relative residual {residual:.2g}, tolerance {self._law.tolerance:g}"
-            )
-
-
-def _pose_view(model: pin.Model, data: pin.Data) -> Array:
-    """Return a view (joints, 12) of data.oMi; each row is a rotation, column by column, and a translation."""
-    # Pinocchio keeps its results in the same memory, but the Python binding gives access to single arrays only.
-    pin.crba(model, data, pin.neutral(model), pin.Convention.WORLD)
-    first = data.oMi[0].rotation.T
-    stride = data.oMi[1].rotation.ctypes.data - first.ctypes.data
-    poses = np.lib.stride_tricks.as_strided(first, (model.njoints, 12), (stride, first.itemsize))
-    if not np.array_equal(poses, [np.r_[T.rotation.T.ravel(), T.translation] for T in data.oMi]):
+    def _fail(self, residual: float) -> None:
         raise SimulationError(
-            "engine 'rigid' does not support this version of pinocchio, which stores placements in another order"
+            f"rigid: no contact forces found at t = {self.steps * self.time_step:g} s (step {self.steps} of "
+            f"{self.time_step:g} s): relative residual {residual:.2g}, tolerance {self._law.accuracy.tolerance:g}"
         )
-    return poses
 
 
-def _bodies(model: pin.Model, shapes: tuple[Sphere | Cuboid, ...], servos: Servos | None, meeting: bool) -> Bodies:
+def _driven(joints: Whole) -> Driven:
+    count = len(joints)
+    targets, low, high, impulses = (np.zeros(count) for _ in range(4))
+    return Driven(joints.copy(), targets, low, high, np.zeros(count, dtype=np.int64), impulses)
+
+
+def _scene(model: pin.Model, bodies: Bodies, shapes: Shapes, ground: Ground, meeting: bool) -> Scene:
+    """Return the scene, with the places of the model's joints among the bodies and legs."""
+    base, leg, depth = (np.full(model.njoints, -1, dtype=np.int64) for _ in range(3))
+    order = {model.joints[joint].idx_q: joint for joint in range(1, model.njoints)}
+    base_of = [order[q] for q in bodies.base_q.tolist()]
+    joint_of = [order[q] for q in bodies.joint_q.tolist()]
+    for number, joint in enumerate(base_of):
+        base[joint], depth[joint] = number, 0
+    for number, carrier in enumerate(bodies.leg_base.tolist()):
+        chain = joint_of[bodies.leg_start[number] : bodies.leg_start[number + 1]]
+        for place, joint in enumerate(chain):
+            base[joint], leg[joint], depth[joint] = carrier, number, place + 1
+    numbers = (np.array(numbers, dtype=np.int64) for numbers in (base_of, joint_of))
+    return Scene(bodies, Places(base, leg, depth, *numbers), shapes, ground, meeting)
+
+
+def _shapes(shapes: tuple[Sphere | Cuboid, ...]) -> Shapes:
     spheres = [shape for shape in shapes if isinstance(shape, Sphere)]
     boxes = [shape for shape in shapes if isinstance(shape, Cuboid)]
-    moves = np.zeros((model.njoints, model.nv), dtype=np.bool_)
-    floating: list[list[int]] = []
-    hinges: list[list[int]] = []
-    for joint in range(1, model.njoints):
-        kind = model.joints[joint]
-        moves[joint] = moves[model.parents[joint]]
-        moves[joint, kind.idx_v : kind.idx_v + kind.nv] = True
-        (floating if kind.nq == 7 else hinges).append([kind.idx_q, kind.idx_v])
-        if (kind.nq, kind.nv) not in ((7, 6), (1, 1)):
-            raise InvalidInputError(f"model: joint {model.names[joint]!r} is neither free nor of one coordinate")
-    driven = [model.joints[joint] for joint in servos.joints] if servos else []
     sizes = np.array([box.size for box in boxes], dtype=float).reshape(-1, 3)
     centers = np.array([box.placement[:3, 3] for box in boxes]).reshape(-1, 3)
-    return Bodies(
+    return Shapes(
         sphere_joint=np.array([s.joint for s in spheres], dtype=np.int64),
         sphere_group=np.array([s.group for s in spheres], dtype=np.int64),
         sphere=np.array([[*s.center, s.radius] for s in spheres]).reshape(-1, 4),
@@ -337,10 +318,4 @@ def _bodies(model: pin.Model, shapes: tuple[Sphere | Cuboid, ...], servos: Servo
         box_group=np.array([b.group for b in boxes], dtype=np.int64),
         box_rotation=np.ascontiguousarray(np.array([b.placement[:3, :3] for b in boxes]).reshape(-1, 3, 3)),
         box=np.concatenate([centers, 0.5 * sizes], axis=1),
-        moves=moves,
-        floating=np.array(floating, dtype=np.int64).reshape(-1, 2),
-        hinges=np.array(hinges, dtype=np.int64).reshape(-1, 2),
-        servo=np.array([joint.idx_v for joint in driven], dtype=np.int64),
-        servo_q=np.array([joint.idx_q for joint in driven], dtype=np.int64),
-        meeting=meeting,
     )

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from hexakin.checks import Array
 from hexakin.exceptions import InvalidInputError, MissingPackageError
+from hexakin.numerics.display import short_repr
 from hexakin.robot.mjcf import to_mjcf
 from hexakin.robot.model import SEGMENT_NAMES, Robot
 from hexakin.robot.urdf import TORSO
@@ -58,6 +59,9 @@ class Scene(NamedTuple):
 
     model: mujoco.MjModel
     group: NDArray[np.int_]
+
+    def __repr__(self) -> str:
+        return short_repr(self)
 
 
 def build_scene(

@@ -151,7 +151,9 @@ def _stored(dispatcher: Any, function: _Function) -> _Function:
 
 def compiled(function: _Function) -> _Function:
     """Compile ``function`` at its first call and store the machine code, if a folder can be written."""
-    return _stored(numba.njit(error_model="numpy")(function), function)
+    # It is said that references are counted: a function would take over from its first caller that they are not.
+    jit: Any = numba.njit
+    return _stored(jit(error_model="numpy", _nrt=True)(function), function)
 
 
 def no_new_arrays(function: _Function) -> _Function:
@@ -162,6 +164,39 @@ def no_new_arrays(function: _Function) -> _Function:
     """
     jit: Any = numba.njit
     return _stored(jit(error_model="numpy", _nrt=False)(function), function)
+
+
+# Options of functions that are called by compiled functions alone.
+_INNER: dict[str, Any] = {
+    "error_model": "numpy", "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True
+}  # fmt: skip
+
+
+def part(function: _Function) -> _Function:
+    """Compile ``function`` like ``no_new_arrays``, to be called by compiled functions alone.
+
+    It cannot be called from Python; code for such calls takes a good part of the time to compile.
+    """
+    return _stored(numba.njit(**_INNER)(function), function)
+
+
+def inlined(function: _Function) -> _Function:
+    """Compile ``function``, which makes no arrays, as a part of each function that calls it; it has no own cache."""
+    jit: Any = numba.njit(**_INNER, forceinline=True)
+    return cast(_Function, jit(function))
+
+
+def entry(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """Return what ``function`` runs for arguments of these types; it is called once with them.
+
+    numba looks for it in each call, which takes 30 microseconds for named tuples of many arrays. The function returned
+    does not check what it is called with.
+    """
+    function(*arguments)
+    if _config.DISABLE_JIT:  # set by NUMBA_DISABLE_JIT: loops run in Python, to be debugged
+        return function
+    dispatcher: Any = function
+    return cast(Callable[..., Any], dispatcher.get_overload(tuple(numba.typeof(a) for a in arguments)))
 
 
 def contracted(function: _Function) -> _Function:
