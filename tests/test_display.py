@@ -81,7 +81,8 @@ def filled(kind, robot):
 
     if dataclasses.is_dataclass(kind):
         made = object.__new__(kind)
-        for part in dataclasses.fields(kind):
+        stored = [part for part in dataclasses.fields(kind) if not isinstance(getattr(kind, part.name, None), property)]
+        for part in stored:
             object.__setattr__(made, part.name, long(part.name, str(part.type)))
         return made
     return kind._make(long(name, str(kind.__annotations__[name])) for name in kind._fields)
