@@ -60,7 +60,7 @@ def record_classes():
             continue
         for name, value in vars(importlib.import_module(module)).items():
             if inspect.isclass(value) and value.__module__ == module and not name.startswith("_"):
-                if dataclasses.is_dataclass(value) or hasattr(value, "_fields"):
+                if "__dataclass_fields__" in vars(value) or hasattr(value, "_fields"):
                     found[f"{module}.{name}"] = value
     return found
 
@@ -81,8 +81,7 @@ def filled(kind, robot):
 
     if dataclasses.is_dataclass(kind):
         made = object.__new__(kind)
-        stored = [part for part in dataclasses.fields(kind) if not isinstance(getattr(kind, part.name, None), property)]
-        for part in stored:
+        for part in dataclasses.fields(kind):
             object.__setattr__(made, part.name, long(part.name, str(part.type)))
         return made
     return kind._make(long(name, str(kind.__annotations__[name])) for name in kind._fields)
