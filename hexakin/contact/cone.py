@@ -286,49 +286,53 @@ def _newton(
     servos: int,
     p: Array,
     u: Array,
-    goal: float,
+    scale: float,
+    tolerance: float,
     way: int,
     steps: int,
     memory: ConeMemory,
 ) -> float:
-    """Make semismooth Newton steps on the natural map, in place, and return the residual that was reached.
+    """Make semismooth Newton steps on the natural map, in place, and return the relative residual that was reached.
 
-    They end below the residual ``goal`` or after ``steps``. There are four ``way``s: 0 and 2 without damping, 1 and 3
-    with damping, 0 and 1 with a line search on the sum of squares, 2 and 3 with full steps.
+    They end at the ``tolerance`` or after ``steps``. There are four ``way``s: 0 and 2 without damping, 1 and 3 with
+    damping, 0 and 1 with a line search on the sum of squares, 2 and 3 with full steps.
     """
     size = 3 * contacts + servos
     step, trial_p, trial_u = memory.step, memory.trial_p, memory.trial_u
     trials = _HALVINGS if way < 2 else 1
     residual, total = natural_map(problem, contacts, servos, p, u, memory)
+    largest = _largest(size, scale, p)
     for _ in range(steps):
+        if not tolerance * largest < residual < np.inf:
+            break
         # With redundant contacts the matrix is singular. Damping that decreases with the residual (Levenberg,
         # Marquardt) helps, but it hides the effect of a small compliance and takes more steps.
         damping = 1e-13
         if way % 2 == 1:
-            damping += min(1.0, residual / _largest(size, 1e-300, p))
+            damping += min(1.0, residual / largest)
         _write_matrix(problem, contacts, servos, p, u, damping, memory)
         for i in range(size):
             step[i] = -memory.moved[i]
         if not eliminate(size, memory.matrix, step):
             return np.inf
-        length = 1.0
+        length, before = 1.0, total
         for _trial in range(trials):
             for i in range(size):
                 trial_p[i] = p[i] + length * step[i]
             write_velocity(problem, size, trial_p, trial_u)
-            residual, trial_total = natural_map(problem, contacts, servos, trial_p, trial_u, memory)
-            if trial_total <= (1.0 - _DECREASE * length) * total:
+            residual, total = natural_map(problem, contacts, servos, trial_p, trial_u, memory)
+            if total <= (1.0 - _DECREASE * length) * before:
                 break
             length *= 0.5
-        total = trial_total
+        # Also without a decrease: some problems are solved only after an increase.
         for i in range(size):
             p[i], u[i] = trial_p[i], trial_u[i]
-        if not goal < residual < np.inf:
-            break
+        largest = _largest(size, scale, p)
     if residual < np.inf and project(problem, contacts, servos, p):
         write_velocity(problem, size, p, u)
         residual, total = natural_map(problem, contacts, servos, p, u, memory)
-    return residual
+        largest = _largest(size, scale, p)
+    return residual / largest if largest > 0.0 else residual
 
 
 @no_new_arrays
@@ -348,38 +352,29 @@ def _descend(
     ``scale`` is the smallest scale of impulses.
     """
     size = 3 * contacts + servos
-    write_velocity(problem, size, p, u)
     sweeps, next_newton, ways, steps = 0, 0, 1, _FEW
-    residual, _ = natural_map(problem, contacts, servos, p, u, memory)
-    largest = _largest(size, scale, p)
-    if largest == 0.0:
-        return residual, sweeps
-    while residual > tolerance * largest:
-        if sweeps >= next_newton:
+    write_velocity(problem, size, p, u)
+    while True:
+        if sweeps >= next_newton or sweeps >= max_sweeps:
             for i in range(size):
                 memory.saved_p[i] = p[i]
             for way in range(ways):
-                residual = _newton(problem, contacts, servos, p, u, tolerance * largest, way, steps, memory)
-                largest = _largest(size, scale, p)
-                if residual <= tolerance * largest:
-                    return residual / largest, sweeps
+                residual = _newton(problem, contacts, servos, p, u, scale, tolerance, way, steps, memory)
+                if residual <= tolerance:
+                    return residual, sweeps
                 for i in range(size):
                     p[i] = memory.saved_p[i]
                 write_velocity(problem, size, p, u)
             next_newton, ways, steps = max(sweeps + 1, sweeps + sweeps // 2), _WAYS, _MANY
         if sweeps >= max_sweeps:
             residual, _ = natural_map(problem, contacts, servos, p, u, memory)
-            largest = _largest(size, scale, p)
-            break
+            return residual / _largest(size, scale, p), sweeps
         if signals_raise() != 0:
             raise Interrupted
         _sweep(problem, contacts, servos, p, u)
         sweeps += 1
         if sweeps % _REFRESH == 0:
             write_velocity(problem, size, p, u)
-        residual, _ = natural_map(problem, contacts, servos, p, u, memory)
-        largest = _largest(size, scale, p)
-    return residual / largest, sweeps
 
 
 @no_new_arrays
