@@ -105,10 +105,30 @@ def test_an_interrupted_save_leaves_the_old_file_whole(short_walk, saved, monkey
 def test_a_recording_of_version_0_1_still_loads():
     walk = hk.load_recording(Path(__file__).parent / "data" / "recording_of_0_1.npz")
     assert walk.q.shape == (10, 6, 3) and walk.parameters["versions"]["hexakin"] == "0.1.0"
-    assert np.isnan(walk.joint_velocity).all()
+    assert np.isnan(walk.joint_velocity).all() and np.isnan(walk.unsolved_steps).all()
     assert set(walk.diagnostics) == {"delta_z", "delta_alpha", "delta_beta", "plane_misfit"}
     assert walk.delta_z is walk.diagnostics["delta_z"] and walk.delta_z.shape == (10,)
     assert (hk.stability.series(walk).margin > 0.0).all()
+
+
+def test_a_recording_of_version_0_2_still_loads(short_walk, saved):
+    with np.load(saved) as archive:
+        contents = dict(archive)
+    del contents["unsolved_steps"]
+    np.savez(saved, **contents | {"format": "hexakin-recording-4"})
+    walk = hk.load_recording(saved)
+    assert walk.unsolved_steps.shape == walk.time.shape and np.isnan(walk.unsolved_steps).all()
+    np.testing.assert_array_equal(walk.joint_velocity, short_walk.joint_velocity)
+    assert walk.to_dataframe()["unsolved_steps"].isna().all()
+
+
+def test_a_recording_of_this_version_must_have_all_columns(saved):
+    with np.load(saved) as archive:
+        contents = dict(archive)
+    del contents["unsolved_steps"]
+    np.savez(saved, **contents)
+    with pytest.raises(RecordingError, match="unsolved_steps missing"):
+        hk.load_recording(saved)
 
 
 def test_columns_are_declared_once():

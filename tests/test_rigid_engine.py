@@ -127,6 +127,23 @@ def test_contact_forces_are_found_to_the_tolerance_and_penetration_stays_small(r
     assert np.isfinite(ramp_walk.foot_force).all()
 
 
+def test_steps_that_miss_the_tolerance_are_counted(athena, ramp_walk):
+    assert np.array_equal(ramp_walk.unsolved_steps > 0, ramp_walk.solver_residual > 1e-8)
+    tolerance = 1e-16  # below the rounding error: only steps without contact reach it
+    ticks, steps = (RigidEngine(athena, hk.terrain.Plane(), solver_tolerance=tolerance) for _ in range(2))
+    counts = []
+    for engine in (ticks, steps):
+        engine.place(pose(np.eye(3), [0, 0, hk.kinematics.standing_height(athena) + 5e-4]), athena.standing_q)
+    for _ in range(3):
+        tick = ticks.advance(athena.standing_q, 20)
+        every = [steps.advance(athena.standing_q, 1) for _ in range(20)]
+        missed = [step.solver_residual > tolerance for step in every]
+        assert [step.unsolved_steps for step in every] == missed
+        assert tick.unsolved_steps == sum(missed)
+        counts.append(sum(missed))
+    assert 0 < sum(counts) < 60
+
+
 def test_energy_changes_by_the_work_of_servos_less_dissipation(athena):
     errors = []
     for time_step in (2e-3, 5e-4):

@@ -20,6 +20,16 @@ def test_equal_arguments_give_bit_identical_recordings(athena, short_walk):
     assert again.parameters == short_walk.parameters
 
 
+@pytest.mark.parametrize("engine", ["rigid", pytest.param("pybullet", marks=pytest.mark.pybullet), "mujoco"])
+def test_unsolved_steps_are_counted_where_residuals_are_known(athena, engine):
+    if engine == "mujoco":
+        pytest.importorskip("mujoco")
+    walk = hk.simulate(athena, hk.terrain.Plane(), hk.PostureController(athena), engine=engine, duration=0.5)
+    table = walk.to_dataframe()
+    assert table["unsolved_steps"].isna().equals(table["solver_residual"].isna())
+    assert table["unsolved_steps"].isna().all() == (engine != "rigid")
+
+
 def test_another_seed_gives_another_start(athena, short_walk):
     other = hk.simulate(athena, hk.terrain.Ramp(), hk.PostureController(athena), duration=1.0, time_step=0.005, seed=1)
     assert np.abs(other.q[0] - short_walk.q[0]).max() > 1e-3

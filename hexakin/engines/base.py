@@ -62,12 +62,15 @@ class Reading(NamedTuple):
         Largest penetration [m] of any contact in the tick.
     energy
         Kinetic and potential energy [J] at the end of the tick; the potential of gravity is zero at the world's origin.
-        This value and the next three are NaN for an engine that does not compute them.
+        This value and the next two are NaN for an engine that does not compute them.
     servo_work, contact_work
         Work [J] of the servos and of the contacts on the robot in the tick. Contacts dissipate energy, so that their
         work is negative.
     solver_residual
-        Largest relative residual of the contact solver in the tick.
+        Largest relative residual of the contact solver in the tick; NaN for an engine that does not compute it.
+    unsolved_steps
+        Number of time steps of the tick whose residual is above the tolerance of the contact solver; NaN for an engine
+        that does not compute residuals.
     """
 
     T_world_body: Array
@@ -86,6 +89,7 @@ class Reading(NamedTuple):
     servo_work: float = math.nan
     contact_work: float = math.nan
     solver_residual: float = math.nan
+    unsolved_steps: float = math.nan
 
     def __repr__(self) -> str:
         return short_repr(self)

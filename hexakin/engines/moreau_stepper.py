@@ -60,6 +60,8 @@ class StepSums(NamedTuple):
         Largest penetration [m] in any step.
     residual
         Largest relative residual of the contact solver in any step.
+    unsolved_steps
+        Number of steps whose residual is above the tolerance.
     rate_moment
         Sum (3, 3) [rad^2/s^2] of w w^T, with w the angular velocity of the first free body in its own frame.
     """
@@ -70,6 +72,7 @@ class StepSums(NamedTuple):
     contact_work: float
     penetration: float
     residual: float
+    unsolved_steps: int
     rate_moment: Array
 
     def __repr__(self) -> str:
@@ -233,7 +236,7 @@ class MoreauStepper:
         if torque_law is not None:
             for mine, given in zip(self._torques, torque_law, strict=True):
                 mine[:] = np.ravel(given)
-        sums = state.sums
+        sums, unsolved = state.sums, self.unsolved_steps
         for total in (sums.impulse, sums.totals, sums.rate_moment):
             total[...] = 0.0
         self._advance(num_steps, torque_law is not None)
@@ -241,7 +244,14 @@ class MoreauStepper:
             self._fail(np.inf)
         work, lost, depth, worst = sums.totals.tolist()
         return StepSums(
-            sums.impulse.copy(), sums.last_impulse.copy(), work, lost, depth, worst, sums.rate_moment.copy()
+            normal_impulse=sums.impulse.copy(),
+            last_normal_impulse=sums.last_impulse.copy(),
+            servo_work=work,
+            contact_work=lost,
+            penetration=depth,
+            residual=worst,
+            unsolved_steps=self.unsolved_steps - unsolved,
+            rate_moment=sums.rate_moment.copy(),
         )
 
     def _go_on(self, by_torque: bool, thorough: bool, steps: int, resume: bool) -> tuple[int, int]:

@@ -33,7 +33,8 @@ class RigidEngine(Engine):
     ``robot``, ``terrain``, ``time_step`` [s], ``friction`` and ``restitution`` are those of ``Engine``.
     ``restitution_law``, ``restitution_threshold`` [m/s] and ``facets`` (None for the exact friction cone) are those of
     ``MoreauStepper``. The contact forces of each step are computed to the relative residual ``solver_tolerance``; the
-    readings contain the residual that was reached, and a residual above 1e-3 ends the run with SimulationError. Equal
+    readings contain the largest residual and the number of steps above this tolerance, and a residual above 1e-3 ends
+    the run with SimulationError. Equal
     runs give bit-identical readings. Raises InvalidInputError for a number out of its range or a robot whose feet have
     no radius, and UnknownNameError for an unknown ``restitution_law``.
     """
@@ -113,6 +114,7 @@ class RigidEngine(Engine):
             servo_work=sums.servo_work,
             contact_work=sums.contact_work,
             solver_residual=sums.residual,
+            unsolved_steps=float(sums.unsolved_steps),
         )
 
     def close(self) -> None:

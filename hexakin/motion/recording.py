@@ -28,8 +28,13 @@ MOST_TICKS = 864_000
 _RATIO, _SMALL = 200, 16 * 2**20  # a file of n bytes may unpack to _SMALL + _RATIO n
 _LONGEST_PARAMETERS = 2**20  # [characters] those of ATHENA's walk have 4000
 
-_FORMAT = "hexakin-recording-4"
-_OLDER = ("hexakin-recording-3",)
+_FORMAT = "hexakin-recording-5"
+_OF_0_1, _OF_0_2 = "hexakin-recording-3", "hexakin-recording-4"
+# Columns that files of older formats do not have, each with a column of the same shape.
+_ABSENT = {
+    _OF_0_1: {"joint_velocity": "q", "unsolved_steps": "height"},
+    _OF_0_2: {"unsolved_steps": "height"},
+}
 _DIAGNOSTIC = "diagnostics/"  # prefix of the diagnostics' names in a file
 _FORMER_COLUMNS = ("delta_z", "delta_alpha", "delta_beta", "plane_misfit")  # diagnostics since format 4
 
@@ -82,6 +87,11 @@ class Recording:
     )
     solver_residual: Array = field(
         metadata=column("", "1", "largest residual of the contact solver in the tick before; NaN if not computed")
+    )
+    unsolved_steps: Array = field(
+        metadata=column(
+            "", "1", "number of physics steps in the tick before whose residual is above the tolerance; NaN if unknown"
+        )
     )
     phase: NDArray[np.int_] = field(metadata=column("", "1", "number of the gait phase, counted from 0", "i"))
     stance: NDArray[np.bool_] = field(metadata=column("leg", "bool", "whether the leg is in stance, as commanded", "b"))
@@ -178,7 +188,9 @@ def as_json(value: Any) -> Any:
 
 @checked
 def load_recording(path: str | os.PathLike[str]) -> Recording:
-    """Read the recording that ``Recording.save`` wrote to ``path``; files of hexakin 0.1 can be read too.
+    """Read the recording that ``Recording.save`` wrote to ``path``; files of hexakin 0.1 and 0.2 can be read too.
+
+    Columns that they do not have are NaN.
 
     Raises InvalidInputError if ``path`` is no path. Raises RecordingError, which names the file and the fault, if the
     file is missing, truncated, damaged or not a recording. Sizes and shapes are checked before arrays are unpacked.
@@ -197,13 +209,15 @@ def load_recording(path: str | os.PathLike[str]) -> Recording:
 def _read(archive: Arrays) -> Recording:
     path = archive.path
     made = _text(archive, "format", 100) if "format" in archive.headers else ""
-    if made not in (_FORMAT, *_OLDER):
+    if made not in (_FORMAT, *_ABSENT):
         raise RecordingError(f"{path}: not a hexakin recording (expected format {_FORMAT})")
     # The name in the file of each column and diagnostic.
     names = {name: name for name in archive.headers if name.startswith(_DIAGNOSTIC)}
     names |= {part.name: part.name for part in _COLUMNS}
-    if made in _OLDER:
-        del names["joint_velocity"]
+    absent = _ABSENT.get(made, {})
+    for name in absent:
+        del names[name]
+    if made == _OF_0_1:
         names |= {_DIAGNOSTIC + name: name for name in _FORMER_COLUMNS}
     if missing := [name for name in (*names.values(), "parameters") if name not in archive.headers]:
         raise RecordingError(f"{path}: {', '.join(missing)} missing")
@@ -212,8 +226,7 @@ def _read(archive: Arrays) -> Recording:
     stored = {name: archive.read(name_in_file) for name, name_in_file in names.items()}
     columns = {name: values for name, values in stored.items() if not name.startswith(_DIAGNOSTIC)}
     diagnostics = {k.removeprefix(_DIAGNOSTIC): v for k, v in stored.items() if k.startswith(_DIAGNOSTIC)}
-    if made in _OLDER:
-        columns["joint_velocity"] = np.full(columns["q"].shape, np.nan)  # not contained
+    columns |= {name: np.full(columns[like].shape, np.nan) for name, like in absent.items()}
     return Recording(**columns, diagnostics=diagnostics, parameters=parameters)
 
 

@@ -306,6 +306,7 @@ def _recording(
         servo_work=np.array([r.servo_work for r in readings]),
         contact_work=np.array([r.contact_work for r in readings]),
         solver_residual=np.array([r.solver_residual for r in readings]),
+        unsolved_steps=np.array([r.unsolved_steps for r in readings]),
         phase=np.array([c.phase for c in commands]),
         stance=np.array([c.stance for c in commands]),
         extending=np.array([c.extending for c in commands]),
