@@ -3,6 +3,7 @@
 python tests/test_interrupts.py    # prints how long each kind of work goes on after Ctrl-C
 """
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import time
 
 import pytest
 
+from hexakin.numerics.interrupts import interrupts_kept, many_interrupts_kept
 from hexakin.numerics.numba_cache import announced
 
 # Each program prints a line, and then works for many minutes or for ever.
@@ -84,6 +86,32 @@ def test_an_interrupt_that_python_drops_ends_a_compilation():
     try:
         with pytest.raises(KeyboardInterrupt), announced("a test"):
             Dropping()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_blocks_inside_one_that_makes_them_cheap_keep_their_own_interrupts_only():
+    class Dropping:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with many_interrupts_kept():
+            inside = signal.getsignal(signal.SIGINT)
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)  # handled outside of the blocks
+            with interrupts_kept() as raised:
+                assert signal.getsignal(signal.SIGINT) is inside and raised == []
+            with pytest.raises(KeyboardInterrupt), interrupts_kept() as outer:
+                with pytest.raises(KeyboardInterrupt), interrupts_kept():
+                    Dropping()
+                assert len(outer) == 1
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        with many_interrupts_kept():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -158,3 +158,16 @@ def test_a_phase_must_be_a_whole_number_of_ticks(athena):
     controller = hk.PostureController(athena, phase_duration=0.33)
     with pytest.raises(InvalidInputError, match=r"phase_duration: 0\.33 s is not a whole number of ticks at 20 Hz"):
         controller.start(Observation.at_rest(0.0, athena.standing_q, LOADED, 0.104), RATE)
+
+
+def test_a_phase_of_many_ticks_is_one_even_path(athena):
+    """Foot targets are computed for 100 ticks at once; stance feet move on a line, by the same distance each tick."""
+    controller = hk.PostureController(athena, phase_duration=15.0)
+    commands = walk(controller, 300)
+    stance = commands[0].stance
+    path = feet(controller, commands)
+    steps = np.diff(path[:, stance], axis=0)
+    assert np.abs(steps - steps[0]).max() < 1e-9 and np.abs(steps[0]).max() > 1e-5
+    along = path[:, ~stance] @ athena.forward
+    assert (np.diff(along, axis=0) > 0.0).all()
+    assert along[-1] - along[0] == pytest.approx(np.full(3, 0.05), rel=0.02)

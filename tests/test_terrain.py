@@ -283,3 +283,26 @@ def test_the_text_of_curves_that_end_does_not_fail():
     curves = hk.terrain.LegCurves(lambda s: np.where(s < 0.5, 0.0, np.nan))
     assert "not finite everywhere" in repr(curves)
     assert hk.terrain.LegCurves(np.sin).displacement(np.zeros((1, 6))).shape == (1, 6, 3)
+
+
+@pytest.mark.parametrize("terrain", [hk.terrain.Plane(), hk.terrain.Ramp(), hk.terrain.Blocks()], ids=repr)
+def test_one_ray_in_arrays_is_checked_like_many(terrain):
+    origin, down = np.array([0.01, 0.02, 1.0]), np.array([0.0, 0.0, -1.0])
+    assert terrain.distance_along(origin, down) == terrain.distance_along([[0.01, 0.02, 1.0]], [[0.0, 0.0, -1.0]])[0]
+    for index in range(3):
+        for bad, message in ((np.nan, "origin: .* expected a finite number"), (-2e9, "origin: -2e.09 m")):
+            wrong = origin.copy()
+            wrong[index] = bad
+            with pytest.raises(InvalidInputError, match=message):
+                terrain.distance_along(wrong, down)
+    for wrong in (1.1 * down, np.array([0.0, np.nan, -1.0]), np.full(3, 1e300)):
+        with pytest.raises(InvalidInputError, match="direction"):
+            terrain.distance_along(origin, wrong)
+
+
+def test_a_returned_normal_may_be_written():
+    for ramp in (hk.terrain.Ramp(), hk.terrain.Ramp(start=1.0)):
+        normal = ramp.normal(0.0, 2.0)
+        before = normal.copy()
+        normal *= 2.0
+        assert np.array_equal(ramp.normal(0.0, 2.0), before)

@@ -166,6 +166,8 @@ def _array(arguments: tuple[Any, ...]) -> _Kind:
             letters, text = its_letters, its_text
 
     def holds(value: Any) -> bool:
+        if type(value) is np.ndarray and value.dtype.kind in letters:
+            return True
         try:
             array = np.asarray(value)
             return array.dtype.kind in letters or array.size == 0

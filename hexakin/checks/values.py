@@ -229,6 +229,8 @@ def check_shape(name: str, value: ArrayLike, shape: tuple[int | None, ...], labe
 
     A size None stands for any. ``name`` and ``labels`` are as in ``check_array``. Raises InvalidInputError.
     """
+    if type(value) is np.ndarray and value.dtype == float and value.shape == shape and np.isfinite(value).all():
+        return value
     array = _as_floats(name, value)
     _check_sizes(name, array, shape)
     return check_array(name, array, array.shape, labels)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import lru_cache
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
@@ -221,14 +222,21 @@ def _exact(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 def _number(name: object, value: Any) -> float:
     if not isinstance(name, str) or not name.isidentifier():
         raise InvalidInputError(f"diagnostics: {shown(name)} as a name, expected a string such as 'battery_voltage'")
-    if hasattr(Recording, name) or name in Recording.__dataclass_fields__:
+    if _is_a_member(name):
         raise InvalidInputError(f"diagnostics: {name!r}: a recording has a member of that name")
+    if type(value) is float:
+        return value
     if not isinstance(value, (bool, np.bool_, Real, np.number)) or isinstance(value, np.complexfloating):
         raise InvalidInputError(f"diagnostics: {name}: expected a number, got {shown(value)}")
     try:
         return float(value)
     except OverflowError as error:
         raise InvalidInputError(f"diagnostics: {name}: {shown(value)} is too large") from error
+
+
+@lru_cache(maxsize=1024)
+def _is_a_member(name: str) -> bool:
+    return hasattr(Recording, name) or name in Recording.__dataclass_fields__
 
 
 class ControlRun(Protocol):

@@ -177,14 +177,15 @@ class MoreauStepper:
     @property
     def q(self) -> Array:
         """Configuration (nq,) at the end of the last step."""
-        return self._now()[0]
+        return self.state()[0]
 
     @property
     def v(self) -> Array:
         """Velocity (nv,) at the end of the last step; that of free bodies is in their own frames, as in Pinocchio."""
-        return self._now()[1]
+        return self.state()[1]
 
-    def _now(self) -> tuple[Array, Array]:
+    def state(self) -> tuple[Array, Array]:
+        """Return configuration ``q`` and velocity ``v`` at the end of the last step."""
         q, v = self._state.q.copy(), self._state.v.copy()
         self._drift(self._scene.bodies, q, v, -0.5 * self.time_step)
         return q, v
@@ -212,9 +213,9 @@ class MoreauStepper:
         servos.state[:] = HOLDS
         state.last.number[0] = 0
 
-    def energy(self) -> float:
-        """Return the sum of kinetic and potential energy [J]."""
-        q, v = self._now()
+    def energy(self, state: tuple[Array, Array] | None = None) -> float:
+        """Return the sum of kinetic and potential energy [J] of a ``state``; None means the present one."""
+        q, v = self.state() if state is None else state
         kinetic = pin.computeKineticEnergy(self._model, self._data, q, v)
         return float(kinetic + pin.computePotentialEnergy(self._model, self._data, q))
 

@@ -94,11 +94,13 @@ class RigidEngine(Engine):
         duration = check_whole("num_steps", num_steps, at_least=1) * stepper.time_step
         law = None if torque_law is None else check_law(robot, torque_law)
         sums = stepper.advance(num_steps, command, law)
-        q, v = stepper.q, stepper.v
-        rotation = pin.Quaternion(q[3:7]).toRotationMatrix()
+        q, v = state = stepper.state()
+        T = np.eye(4)
+        T[:3, :3] = rotation = pin.Quaternion(q[3:7]).toRotationMatrix()
+        T[:3, 3] = q[:3]
         force = sums.normal_impulse / duration
         return Reading(
-            T_world_body=pose(rotation, q[:3]),
+            T_world_body=T,
             body_velocity=rotation @ v[:3],
             body_angular_velocity=v[3:6],
             body_rate_moment=sums.rate_moment / num_steps,
@@ -110,7 +112,7 @@ class RigidEngine(Engine):
             torso_force=float(force[robot.num_legs]),
             limb_force=float(force[robot.num_legs + 1]),
             penetration=sums.penetration,
-            energy=stepper.energy(),
+            energy=stepper.energy(state),
             servo_work=sums.servo_work,
             contact_work=sums.contact_work,
             solver_residual=sums.residual,

@@ -17,6 +17,7 @@ from hexakin.installation import versions
 from hexakin.kinematics.forward import forward_kinematics, standing_height
 from hexakin.motion.clearance import way_to_ground
 from hexakin.motion.recording import MOST_TICKS, Recording
+from hexakin.numerics.interrupts import many_interrupts_kept
 from hexakin.numerics.messages import messages
 from hexakin.robot.model import Robot
 from hexakin.terrain.base import Terrain
@@ -126,7 +127,7 @@ def simulate(
         if option not in known_options:
             raise UnknownNameError(f"option of engine {used!r}", option, known_options)
     options = {"time_step": time_step, "friction": friction, "restitution": restitution, **engine_options}
-    with make_engine(robot, terrain, **options) as simulator:
+    with make_engine(robot, terrain, **options) as simulator, many_interrupts_kept():
         simulator.place(starting_pose(robot, terrain, q), q)
         reading = simulator.advance(q, settling_ticks * steps_per_tick)
         reading = simulator.advance(q, steps_per_tick)
@@ -284,21 +285,21 @@ def _recording(
     if not rows:
         raise InvalidInputError("controller: the phase of its first command is beyond max_cycles")
     readings, commands, heights = zip(*rows, strict=True)
-    q = np.array([r.q for r in readings])
+    q = _rows([r.q for r in readings])
     return Recording(
         time=np.arange(len(rows)) / control_rate,
-        T_world_body=np.array([r.T_world_body for r in readings]),
-        body_velocity=np.array([r.body_velocity for r in readings]),
-        body_angular_velocity=np.array([r.body_angular_velocity for r in readings]),
-        body_rate_moment=np.array([r.body_rate_moment for r in readings]),
+        T_world_body=_rows([r.T_world_body for r in readings]),
+        body_velocity=_rows([r.body_velocity for r in readings]),
+        body_angular_velocity=_rows([r.body_angular_velocity for r in readings]),
+        body_rate_moment=_rows([r.body_rate_moment for r in readings]),
         height=np.array(heights),
         q=q,
-        joint_velocity=np.array([r.joint_velocity for r in readings]),
-        q_command=np.array([c.q for c in commands]),
-        joint_torque=np.array([r.joint_torque for r in readings]),
+        joint_velocity=_rows([r.joint_velocity for r in readings]),
+        q_command=_rows([c.q for c in commands]),
+        joint_torque=_rows([r.joint_torque for r in readings]),
         p_body_foot=forward_kinematics(robot, q),
-        foot_force=np.array([r.foot_force for r in readings]),
-        foot_force_last=np.array([r.foot_force_last for r in readings]),
+        foot_force=_rows([r.foot_force for r in readings]),
+        foot_force_last=_rows([r.foot_force_last for r in readings]),
         torso_force=np.array([r.torso_force for r in readings]),
         limb_force=np.array([r.limb_force for r in readings]),
         penetration=np.array([r.penetration for r in readings]),
@@ -308,9 +309,14 @@ def _recording(
         solver_residual=np.array([r.solver_residual for r in readings]),
         unsolved_steps=np.array([r.unsolved_steps for r in readings]),
         phase=np.array([c.phase for c in commands]),
-        stance=np.array([c.stance for c in commands]),
+        stance=_rows([c.stance for c in commands]),
         extending=np.array([c.extending for c in commands]),
-        limited=np.array([c.limited for c in commands]),
+        limited=_rows([c.limited for c in commands]),
         diagnostics={name: np.array([c.diagnostics[name] for c in commands]) for name in commands[0].diagnostics},
         parameters=parameters,
     )
+
+
+def _rows(arrays: list[np.ndarray]) -> np.ndarray:
+    """Return an array (n, ...) of n arrays of equal shapes; ``np.array`` takes ten times as long."""
+    return np.concatenate(arrays).reshape(len(arrays), *arrays[0].shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +140,12 @@ def check_rays(origin: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
     Raises InvalidInputError for origins beyond 1e9 m, directions that are no unit vectors, and shapes that do not
     broadcast.
     """
+    if _is_point(origin) and _is_point(direction):
+        x, y, z = direction.tolist()
+        within = all(abs(coordinate) <= FARTHEST for coordinate in origin.tolist())
+        # The square of the length is checked more strictly than the length below.
+        if within and abs(x * x + y * y + z * z - 1.0) <= _UNIT_ERROR:
+            return origin, direction
     p, d = check_positions("origin", origin, (3,)), check_array("direction", direction, (3,))
     _check_unit("direction", d)
     try:
@@ -147,6 +153,11 @@ def check_rays(origin: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
     except ValueError as error:
         raise InvalidInputError(f"origin, direction: shapes {p.shape} and {d.shape} do not broadcast") from error
     return p, d
+
+
+def _is_point(value: ArrayLike) -> TypeGuard[Array]:
+    """Whether ``value`` is an array (3,) of floats, as in each control tick; it can then be checked without NumPy."""
+    return type(value) is np.ndarray and value.dtype == float and value.shape == (3,)
 
 
 def _check_unit(name: str, vectors: Array) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hexakin.checks import Array, check_angle, check_number, checked
+from hexakin.checks import Array, check_angle, check_number, checked, read_only
 from hexakin.terrain.base import FARTHEST, HalfSpace, check_points, check_rays
 
 
@@ -17,12 +18,13 @@ class _Planes:
     def shapes(self) -> tuple[HalfSpace, ...]:
         raise NotImplementedError
 
+    @cached_property
     def _planes(self) -> tuple[Array, Array]:
         shapes = self.shapes()
-        return np.array([s.point for s in shapes]), np.array([s.normal for s in shapes])
+        return read_only([s.point for s in shapes]), read_only([s.normal for s in shapes])
 
     def _heights(self, x: ArrayLike, y: ArrayLike) -> Array:
-        point, normal = self._planes()
+        point, normal = self._planes
         px, py = check_points(x, y)
         dx, dy = px[..., None] - point[:, 0], py[..., None] - point[:, 1]
         return point[:, 2] - (normal[:, 0] * dx + normal[:, 1] * dy) / normal[:, 2]
@@ -33,7 +35,7 @@ class _Planes:
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the unit normal (..., 3) out of the ground at ``x`` (...) [m] and ``y`` (...) [m]."""
-        return self._planes()[1][self._heights(x, y).argmax(axis=-1)]
+        return np.take(self._planes[1], self._heights(x, y).argmax(axis=-1), axis=0)
 
     def distance_along(self, origin: ArrayLike, direction: ArrayLike) -> Array:
         """Return the distance (...) [m] along a ray from ``origin`` (..., 3) [m] to the ground.
@@ -41,7 +43,7 @@ class _Planes:
         ``direction`` (..., 3) is the ray's unit vector. The distance is inf if the ray misses the ground, and negative
         for an origin under the ground.
         """
-        point, normal = self._planes()
+        point, normal = self._planes
         p, d = check_rays(origin, direction)
         gap = np.einsum("...pi,pi->...p", p[..., None, :] - point, normal)
         speed = -np.einsum("...i,pi->...p", d, normal)
