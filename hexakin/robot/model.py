@@ -269,10 +269,15 @@ class Robot:
 
         ``leg`` is the index of the leg, from 0. Raises InvalidInputError if the robot does not have it.
         """
-        ends = self.fixed_poses(leg)[1:, :3, 3]
-        return np.array(
-            [pose(rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3), np.zeros(3)) for end in ends]
-        )
+        check_whole("leg", leg, at_most=self.num_legs - 1)
+        return self._segment_poses[leg].copy()
+
+    @cached_property
+    def _segment_poses(self) -> Array:
+        # Cached, because each engine uses it.
+        ends = self._fixed_poses[:, 1:, :3, 3]
+        turns = [[rotation_between([1.0, 0.0, 0.0], end) if end.any() else np.eye(3) for end in leg] for leg in ends]
+        return read_only([[pose(turn, np.zeros(3)) for turn in leg] for leg in turns])
 
 
 def _plain(value: Any) -> Any:

@@ -158,9 +158,12 @@ class Blocks:
 
     def _height(self, px: Array, py: Array) -> Array:
         # The left and the right index differ only exactly on an edge, where they are the blocks on its two sides.
-        i = [np.searchsorted(self.x_edges, px, side="left"), np.searchsorted(self.x_edges, px, side="right")]
-        j = [np.searchsorted(self.y_edges, py, side="left"), np.searchsorted(self.y_edges, py, side="right")]
-        return np.max([self._tops_and_ground[a, b] for a in i for b in j], axis=0)
+        (a, b), (c, d) = (
+            (edges.searchsorted(p, side="left"), edges.searchsorted(p, side="right"))
+            for edges, p in ((self.x_edges, px), (self.y_edges, py))
+        )
+        tops = self._tops_and_ground
+        return np.maximum(np.maximum(tops[a, c], tops[a, d]), np.maximum(tops[b, c], tops[b, d]))
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the unit normal (..., 3), upwards everywhere, at ``x`` (...) [m] and ``y`` (...) [m]."""
