@@ -6,7 +6,7 @@ quaternion xyzw and the joint angles [rad] leg by leg; the function ``configurat
 leg by leg. With foot springs each leg's spring follows its joints. A generalised force (6 + 3 L,) is the force [N] and
 moment [N m] on the body in its own frame, then the joint torques [N m].
 
-This is the only module that imports pinocchio and its collision library coal.
+This is the only module that imports pinocchio.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from hexakin.robot.leg_table import NUM_JOINTS
 from hexakin.robot.model import GRAVITY, SEGMENT_NAMES, Body, Robot
 
 try:
-    import coal  # noqa: F401 (for the rigid engine)
     import pinocchio as pin
 except ImportError as error:
     # PyPI has no wheel for Windows.

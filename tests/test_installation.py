@@ -68,7 +68,7 @@ MACHINE_CODE = (
     "contact.cone",
     "contact.lemke",
     "engines.moreau_step",
-    "engines.box_contacts",
+    "engines.contact_search",
     "generated.athena_loops",
 )
 WHAT = f"""
@@ -137,14 +137,14 @@ def test_a_change_in_modules_that_draw_or_run_studies_makes_nothing_stale(copied
 @pytest.mark.parametrize("file, knowing", [("model.py", set()), ("leg_table.py", {"leg type"})])
 def test_a_change_of_the_robot_makes_stale_what_knows_it(copied, file, knowing):
     stale = stale_after(copied, (f"robot/{file}", changed))
-    assert stale == {"walk", "own", "engines.box_contacts"} | knowing
+    assert stale == {"walk", "own"} | knowing
 
 
 @pytest.mark.parametrize(
     "file, machine_code",
     [
         ("engines/moreau_stepper.py", set()),
-        ("engines/ground_contacts.py", {"engines.moreau_step", "engines.box_contacts"}),
+        ("engines/ground_contacts.py", {"engines.moreau_step", "engines.contact_search"}),
         ("contact/cone.py", {"contact.cone", "contact.lemke", "engines.moreau_step"}),
     ],
 )

@@ -29,6 +29,7 @@ class Block(NamedTuple):
 def free_bodies(*bodies: Ball | Block) -> tuple[pin.Model, tuple[Sphere | Cuboid, ...]]:
     """Return a Pinocchio model of free ``bodies`` and their shapes, the first two arguments of ``MoreauStepper``.
 
+    The bodies touch the ground and each other.
     The configuration of body k is q[7 k:7 k + 7]: position [m] of its centre and unit quaternion (xyzw). Its velocity
     is v[6 k:6 k + 6]: linear [m/s] and angular [rad/s], both in the frame of the body. Its group is k. Raises
     InvalidInputError for a mass or radius that is not positive and for a size that is not three finite numbers.

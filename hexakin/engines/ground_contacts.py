@@ -27,35 +27,6 @@ from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, no_new_arrays, part
 
 
-class Shapes(NamedTuple):
-    """Collision shapes of bodies; joints are those of the Pinocchio model, as indices.
-
-    Parameters
-    ----------
-    sphere_joint, sphere_group
-        Joint and group (s,) of each sphere, as indices.
-    sphere
-        Centre in the joint's frame and radius (s, 4) [m] of each sphere.
-    box_joint, box_group
-        Joint and group (b,) of each box, as indices.
-    box_rotation
-        Rotation (b, 3, 3) of each box in the joint's frame.
-    box
-        Centre in the joint's frame and half edge lengths (b, 6) [m] of each box.
-    """
-
-    sphere_joint: Whole
-    sphere_group: Whole
-    sphere: Array
-    box_joint: Whole
-    box_group: Whole
-    box_rotation: Array
-    box: Array
-
-    def __repr__(self) -> str:
-        return short_repr(self)
-
-
 class Contacts(NamedTuple):
     """Contacts that the search has found, in arrays of a fixed capacity c.
 
@@ -151,6 +122,8 @@ def sphere_contacts(
         on_field = field_sphere(field, x, y, z, radius, margin, contacts.scratch)
         for k in range(on_field):
             count = _append(contacts, count, body, group, rows[k], radius, number * numbers + shapes + which[k])
+    if radius == 0.0 and ground.triangles.shape[0] == 0:
+        return count
     i0, i1, j0, j1 = cells_within(ground, x, y, radius + margin)
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
@@ -256,109 +229,3 @@ def box_near(ground: Ground, R: Array, center: Array, half: Array, margin: float
                 if ground.top[i * ground.shape[1] + j] >= low:
                     return True
     return False
-
-
-@part
-def box_pairs(
-    ground: Ground, box: int, R: Array, center: Array, half: Array, margin: float, pairs: Whole, count: int
-) -> int:
-    """Append pairs (``box``, box of the ground) to ``pairs`` (k, 2); return the new number of pairs.
-
-    The boxes of ``ground`` are those that meet the bounding box, widened by ``margin`` [m], of body's box number
-    ``box``. ``R`` (3, 3), ``center`` (3,) [m] and ``half`` (3,) [m] are rotation, centre and half edge lengths of this
-    box. ``pairs`` holds ``count`` pairs before.
-    """
-    dx = extent(R, half, 1.0, 0.0, 0.0) + margin
-    dy = extent(R, half, 0.0, 1.0, 0.0) + margin
-    dz = extent(R, half, 0.0, 0.0, 1.0) + margin
-    i0, i1, j0, j1 = cells_within(ground, center[0], center[1], max(dx, dy))
-    first = count
-    for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            c = i * ground.shape[1] + j
-            for index in range(ground.start[c], ground.start[c + 1]):
-                item = ground.items[index]
-                if item >= ground.boxes.shape[0] or count >= pairs.shape[0]:
-                    continue
-                B = ground.boxes[item]
-                near = (
-                    B[0] <= center[0] + dx
-                    and center[0] - dx <= B[3]
-                    and B[1] <= center[1] + dy
-                    and center[1] - dy <= B[4]
-                    and B[2] <= center[2] + dz
-                    and center[2] - dz <= B[5]
-                )
-                for old in range(first, count):
-                    near = near and pairs[old, 1] != item
-                if near:
-                    pairs[count, 0], pairs[count, 1] = box, item
-                    count += 1
-    return count
-
-
-@part
-def _center(P: Array, x: Array, out: Array) -> None:
-    """Write point ``x`` of a joint's frame, in world coordinates, to ``out``.
-
-    ``P`` (12,) is the joint's pose: its rotation, column by column, and its translation.
-    """
-    for a in range(3):
-        out[a] = P[a] * x[0] + P[3 + a] * x[1] + P[6 + a] * x[2] + P[9 + a]
-
-
-@part
-def _rotation(P: Array, R_joint: Array, out: Array) -> None:
-    for a in range(3):
-        for b in range(3):
-            out[a, b] = P[a] * R_joint[0, b] + P[3 + a] * R_joint[1, b] + P[6 + a] * R_joint[2, b]
-
-
-@part
-def find_contacts(
-    poses: Array, shapes: Shapes, ground: Ground, margin: float, contacts: Contacts, pairs: Whole
-) -> tuple[int, int]:
-    """Find the contacts of ``shapes`` with ``ground`` that have gaps of up to ``margin`` [m].
-
-    ``poses`` (joints, 12) are the joints' poses, each as a rotation, column by column, and a translation [m]. Returns
-    the number of contacts written to ``contacts``, and the number of ``pairs`` (body's box, box of the ground) that are
-    close to each other. The contacts of these pairs are computed by ``hexakin.engines.box_contacts``.
-    """
-    count, near, number, x = 0, 0, 0, contacts.scratch.point
-    for k in range(shapes.sphere_joint.size):
-        S = shapes.sphere[k]
-        _center(poses[shapes.sphere_joint[k]], S, x)
-        count = sphere_contacts(
-            ground,
-            shapes.sphere_joint[k],
-            shapes.sphere_group[k],
-            number,
-            x[0],
-            x[1],
-            x[2],
-            S[3],
-            margin,
-            contacts,
-            count,
-        )
-        number += 1
-    R, center = contacts.scratch.rotation, contacts.scratch.center
-    for k in range(shapes.box_joint.size):
-        P, B, joint, group = poses[shapes.box_joint[k]], shapes.box[k], shapes.box_joint[k], shapes.box_group[k]
-        _center(P, B, center)
-        _rotation(P, shapes.box_rotation[k], R)
-        if box_near(ground, R, center, B[3:], margin):
-            for corner in range(8):
-                for a in range(3):
-                    x[a] = center[a]
-                    for b in range(3):
-                        x[a] += R[a, b] * (B[3 + b] if corner & (1 << b) else -B[3 + b])
-                count = sphere_contacts(
-                    ground, joint, group, number + corner, x[0], x[1], x[2], 0.0, margin, contacts, count
-                )
-            if ground.vertices.shape[0] > 0 or ground.field.z.size > 0:
-                count = vertex_contacts(ground, joint, group, R, center, B[3:], margin, contacts, count)
-            if ground.boxes.shape[0] > 0:
-                near = box_pairs(ground, k, R, center, B[3:], margin, pairs, near)
-        number += 8
-    return count, near

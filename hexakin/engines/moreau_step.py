@@ -25,7 +25,7 @@ from hexakin.checks import Array
 from hexakin.contact.impulses import System, solve_impact, solve_impulses
 from hexakin.contact.mass import Mass, Rows, factorise, load, multiply, row_speed, velocities
 from hexakin.engines.acting_contacts import choose, guess, keep, write_bias
-from hexakin.engines.ground_contacts import find_contacts
+from hexakin.engines.contact_search import find_contacts
 from hexakin.engines.leg_dynamics import Bodies, Dynamics, update
 from hexakin.engines.step_values import Active, Drive, Law, Places, Scene, State, Step, Sums, Torques
 from hexakin.engines.torque_step import solve_torques
@@ -43,7 +43,7 @@ from hexakin.numerics.vectors import (
     vector,
 )
 
-DONE, TOUCHING, CROWDED, UNSOLVED, LOST = range(5)
+DONE, CROWDED, UNSOLVED, LOST = range(4)
 _HOPELESS = 1e-3  # relative residual above which a simulation stops
 
 
@@ -62,11 +62,9 @@ def run(
 ) -> tuple[int, int]:
     """Make up to ``steps`` time steps; return how many were made, and why no more.
 
-    DONE: all were made. TOUCHING: ``step.near`` pairs of boxes are close to each other, or bodies can meet; the caller
-    adds their contacts and calls again with ``resume``, and the begun step is finished. CROWDED: more contacts were
-    found than ``step`` has memory for; the caller calls again with more, without ``resume``. UNSOLVED: contact forces
-    were not found to the tolerance; the caller resumes one step with True for ``thorough``, which is None otherwise.
-    LOST: contact forces are not even nearly right.
+    DONE: all were made. CROWDED: more contacts were found than ``step`` has memory for; the caller calls again with
+    more. UNSOLVED: contact forces were not found to the tolerance; the caller finishes the begun step, with ``resume``
+    and True for ``thorough``, which is None otherwise. LOST: contact forces are not even nearly right.
 
     ``torques`` replace the servos if not None. ``facets`` is the number of facets of the friction polyhedron, or None
     for the exact cone.
@@ -81,11 +79,9 @@ def run(
             if drive.command.size == 0:
                 _center_bias(bodies, system, dynamics, h, q, v, after, momentum)
             _write_poses(bodies, scene.places, q, dynamics, step.poses)
-            step.found[0], step.near[0] = find_contacts(
-                step.poses, scene.shapes, scene.ground, law.search_distance, contacts, step.pairs
+            step.found[0] = find_contacts(
+                step.poses, scene.shapes, scene.ground, scene.meeting, law.search_distance, contacts, step.posed
             )
-            if step.near[0] > 0 or scene.meeting:
-                return made, TOUCHING
         found = step.found[0]
         if found > active.contact.size:
             return made, CROWDED

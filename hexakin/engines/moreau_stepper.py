@@ -17,12 +17,11 @@ from hexakin.contact.impulses import Servos as Driven
 from hexakin.contact.problem import check_facets
 from hexakin.dynamics import pin
 from hexakin.engines.base import TorqueLaw
-from hexakin.engines.box_contacts import BoxTouch
-from hexakin.engines.ground_contacts import Shapes
+from hexakin.engines.contact_search import Shapes
 from hexakin.engines.ground_grid import Ground, compile_ground
 from hexakin.engines.leg_dynamics import Bodies
 from hexakin.engines.model_bodies import bodies_of
-from hexakin.engines.moreau_step import CROWDED, LOST, TOUCHING, UNSOLVED, drift, run
+from hexakin.engines.moreau_step import CROWDED, LOST, UNSOLVED, drift, run
 from hexakin.engines.shapes import Cuboid, Sphere
 from hexakin.engines.step_values import MOST_CONTACTS, Drive, Law, Places, Scene, Torques, state_memory, step_memory
 from hexakin.exceptions import InvalidInputError, SimulationError, UnknownNameError
@@ -91,13 +90,14 @@ class MoreauStepper:
     model
         Pinocchio model of the bodies.
     shapes
-        Collision shapes.
+        Collision shapes. They touch the ground and the shapes of other free bodies; those of one robot do not collide.
     terrain
         The ground.
     servos
         Servos on joints of the model, or None.
     groups
-        Number of groups of shapes; normal impulses are summed over each group.
+        Number of groups of shapes; normal impulses are summed over each group. Those between two free bodies count for
+        the group of the later one.
     time_step
         Time step h [s].
     friction, restitution
@@ -157,9 +157,8 @@ class MoreauStepper:
         )
         self._model, self._data = model, model.createData()
         ground = compile_ground(terrain)
-        self._touch = BoxTouch(model, shapes, ground)
         bodies = bodies_of(model)
-        self._scene = _scene(model, bodies, _shapes(shapes), ground, bool(self._touch.body_pairs))
+        self._scene = _scene(model, bodies, _shapes(shapes), ground, _meeting(model, shapes))
         order = self._scene.places.joint_of.tolist()
         driven = np.array([order.index(joint) for joint in servos.joints] if servos else [], dtype=np.int64)
         count = len(driven)
@@ -168,7 +167,7 @@ class MoreauStepper:
         self._state = state_memory(model.nq, model.nv, groups)
         self._state.q[:] = pin.neutral(model)
         self._facets = check_facets(facets)
-        self._step = step_memory(bodies, model.njoints, count, _CONTACTS)
+        self._step = step_memory(bodies, self._scene.shapes, model.njoints, count, _CONTACTS)
         self.steps = 0
         self._runs: dict[tuple[bool, bool], Callable[..., tuple[int, int]]] = {}
         self._go_on(by_torque=False, thorough=False, steps=0, resume=False)
@@ -272,20 +271,18 @@ class MoreauStepper:
             made, why = self._go_on(by_torque, thorough, 1 if thorough else left, resume)
             self.steps += made
             left -= made
-            step, resume, thorough = self._step, why in (TOUCHING, UNSOLVED), why == UNSOLVED
+            step, resume, thorough = self._step, why == UNSOLVED, why == UNSOLVED
             if why == LOST:
                 self.steps += 1
                 self._fail(float(self._state.sums.totals[3]))
-            if why == TOUCHING:
-                pairs = step.pairs[: step.near[0]]
-                step.found[0] = self._touch.add(step.poses, pairs, self._law.reach, step.contacts, int(step.found[0]))
             if step.found[0] >= MOST_CONTACTS:
                 raise SimulationError(
                     f"rigid: more than {MOST_CONTACTS - 1} contacts at t = {self.steps * self.time_step:g} s"
                 )
             if why == CROWDED:
                 room = 2 * int(step.found[0])
-                self._step = step_memory(self._scene.bodies, self._model.njoints, len(self._drive.command), room)
+                scene, servos = self._scene, len(self._drive.command)
+                self._step = step_memory(scene.bodies, scene.shapes, self._model.njoints, servos, room)
 
     def _fail(self, residual: float) -> None:
         raise SimulationError(
@@ -300,7 +297,7 @@ def _driven(joints: Whole) -> Driven:
     return Driven(joints.copy(), targets, low, high, np.zeros(count, dtype=np.int64), impulses)
 
 
-def _scene(model: pin.Model, bodies: Bodies, shapes: Shapes, ground: Ground, meeting: bool) -> Scene:
+def _scene(model: pin.Model, bodies: Bodies, shapes: Shapes, ground: Ground, meeting: Whole | None) -> Scene:
     """Return the scene, with the places of the model's joints among the bodies and legs."""
     base, leg, depth = (np.full(model.njoints, -1, dtype=np.int64) for _ in range(3))
     order = {model.joints[joint].idx_q: joint for joint in range(1, model.njoints)}
@@ -314,6 +311,20 @@ def _scene(model: pin.Model, bodies: Bodies, shapes: Shapes, ground: Ground, mee
             base[joint], leg[joint], depth[joint] = carrier, number, place + 1
     numbers = (np.array(numbers, dtype=np.int64) for numbers in (base_of, joint_of))
     return Scene(bodies, Places(base, leg, depth, *numbers), shapes, ground, meeting)
+
+
+def _meeting(model: pin.Model, shapes: tuple[Sphere | Cuboid, ...]) -> Whole | None:
+    """Return the pairs of shapes of different free bodies, that of the later body first, as in ``find_contacts``."""
+    ordered = [shape.joint for kind in (Sphere, Cuboid) for shape in shapes if isinstance(shape, kind)]
+    roots = [_root(model, joint) for joint in ordered]
+    pairs = [(b, a) for b in range(len(roots)) for a in range(len(roots)) if roots[a] < roots[b]]
+    return np.array(pairs, dtype=np.int64) if pairs else None
+
+
+def _root(model: pin.Model, joint: int) -> int:
+    while model.parents[joint] != 0:
+        joint = model.parents[joint]
+    return joint
 
 
 def _shapes(shapes: tuple[Sphere | Cuboid, ...]) -> Shapes:

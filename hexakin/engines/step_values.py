@@ -9,7 +9,8 @@ import numpy as np
 from hexakin.checks import Array
 from hexakin.contact.impulses import Accuracy, Impact, Servos, System, impact_memory, system_memory
 from hexakin.contact.mass import Mass
-from hexakin.engines.ground_contacts import Contacts, Shapes, empty_contacts
+from hexakin.engines.contact_search import Posed, Shapes, posed_memory
+from hexakin.engines.ground_contacts import Contacts, empty_contacts
 from hexakin.engines.ground_grid import Ground
 from hexakin.engines.leg_dynamics import Bodies, Dynamics, dynamics_memory
 from hexakin.numerics.display import short_repr
@@ -74,14 +75,14 @@ class Places(NamedTuple):
 class Scene(NamedTuple):
     """What stays the same: bodies, their collision shapes and the ground.
 
-    ``meeting`` is whether bodies can touch each other.
+    ``meeting`` (k, 2) are the pairs of shapes that can meet, as in ``find_contacts``; None if there are none.
     """
 
     bodies: Bodies
     places: Places
     shapes: Shapes
     ground: Ground
-    meeting: bool
+    meeting: Whole | None
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -202,8 +203,8 @@ class Step(NamedTuple):
         The problem of the impulses, whose mass matrix is that of ``dynamics``, and contacts that strike.
     contacts, found
         Contacts that the search has found, and their number (1,).
-    pairs, near
-        Pairs (k, 2) of a body's box and a box of the ground that are close to each other, and their number (1,).
+    posed
+        Memory of the search.
     active
         Contacts that act.
     start, after, momentum
@@ -217,8 +218,7 @@ class Step(NamedTuple):
     impact: Impact
     contacts: Contacts
     found: Whole
-    pairs: Whole
-    near: Whole
+    posed: Posed
     active: Active
     start: Array
     after: Array
@@ -229,10 +229,10 @@ class Step(NamedTuple):
         return short_repr(self)
 
 
-def step_memory(bodies: Bodies, joints: int, servos: int, capacity: int) -> Step:
-    """Return the memory for ``bodies`` with a number of ``servos`` and up to ``capacity`` contacts that act.
+def step_memory(bodies: Bodies, shapes: Shapes, joints: int, servos: int, capacity: int) -> Step:
+    """Return the memory for ``bodies`` and their ``shapes`` with ``servos`` and up to ``capacity`` contacts that act.
 
-    ``joints`` is the number of joints of the Pinocchio model, its root included.
+    ``servos`` is their number, and ``joints`` that of the joints of the Pinocchio model, its root included.
     """
     dynamics = dynamics_memory(bodies)
     mass = Mass(
@@ -246,8 +246,7 @@ def step_memory(bodies: Bodies, joints: int, servos: int, capacity: int) -> Step
         impact=impact_memory(capacity, 0),
         contacts=empty_contacts(MOST_CONTACTS),
         found=np.zeros(1, dtype=np.int64),
-        pairs=np.zeros((MOST_CONTACTS, 2), dtype=np.int64),
-        near=np.zeros(1, dtype=np.int64),
+        posed=posed_memory(shapes),
         active=Active(np.zeros(capacity, dtype=np.int64), np.zeros((capacity, 9)), np.zeros(3 * capacity)),
         start=np.zeros(nv),
         after=np.zeros(nv),
