@@ -58,13 +58,12 @@ def run(
     state: State,
     step: Step,
     steps: int,
-    resume: bool,
 ) -> tuple[int, int]:
     """Make up to ``steps`` time steps; return how many were made, and why no more.
 
     DONE: all were made. CROWDED: more contacts were found than ``step`` has memory for; the caller calls again with
-    more. UNSOLVED: contact forces were not found to the tolerance; the caller finishes the begun step, with ``resume``
-    and True for ``thorough``, which is None otherwise. LOST: contact forces are not even nearly right.
+    more. UNSOLVED: contact forces were not found to the tolerance; the caller finishes the begun step, with 1 for
+    ``steps`` and True for ``thorough``, which is None otherwise. LOST: contact forces are not even nearly right.
 
     ``torques`` replace the servos if not None. ``facets`` is the number of facets of the friction polyhedron, or None
     for the exact cone.
@@ -74,7 +73,7 @@ def run(
     for made in range(steps):
         if signals_raise() != 0:
             raise Interrupted
-        if made > 0 or not resume:
+        if thorough is None:  # otherwise this step has been begun
             update(bodies, q, v, dynamics)
             if drive.command.size == 0:
                 _center_bias(bodies, system, dynamics, h, q, v, after, momentum)

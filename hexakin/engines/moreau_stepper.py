@@ -170,7 +170,7 @@ class MoreauStepper:
         self._step = step_memory(bodies, self._scene.shapes, model.njoints, count, _CONTACTS)
         self.steps = 0
         self._runs: dict[tuple[bool, bool], Callable[..., tuple[int, int]]] = {}
-        self._go_on(by_torque=False, thorough=False, steps=0, resume=False)
+        self._go_on(by_torque=False, thorough=False, steps=0)
         self._drift = entry(drift, bodies, self._state.q, self._state.v, 0.0)
 
     @property
@@ -254,7 +254,7 @@ class MoreauStepper:
             rate_moment=sums.rate_moment.copy(),
         )
 
-    def _go_on(self, by_torque: bool, thorough: bool, steps: int, resume: bool) -> tuple[int, int]:
+    def _go_on(self, by_torque: bool, thorough: bool, steps: int) -> tuple[int, int]:
         """Call ``moreau_step.run``, compiled for these kinds of arguments when they first occur."""
         arguments = (
             self._scene, self._drive, self._torques if by_torque else None, self._law, self._facets,
@@ -262,16 +262,16 @@ class MoreauStepper:
         )  # fmt: skip
         if (by_torque, thorough) not in self._runs:
             with announced("the rigid engine"):
-                self._runs[by_torque, thorough] = entry(run, *arguments, 0, False)
-        return self._runs[by_torque, thorough](*arguments, steps, resume)
+                self._runs[by_torque, thorough] = entry(run, *arguments, 0)
+        return self._runs[by_torque, thorough](*arguments, steps)
 
     def _advance(self, num_steps: int, by_torque: bool) -> None:
-        left, resume, thorough = num_steps, False, False
+        left, thorough = num_steps, False
         while left > 0:
-            made, why = self._go_on(by_torque, thorough, 1 if thorough else left, resume)
+            made, why = self._go_on(by_torque, thorough, 1 if thorough else left)
             self.steps += made
             left -= made
-            step, resume, thorough = self._step, why == UNSOLVED, why == UNSOLVED
+            step, thorough = self._step, why == UNSOLVED
             if why == LOST:
                 self.steps += 1
                 self._fail(float(self._state.sums.totals[3]))
