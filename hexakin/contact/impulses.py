@@ -15,7 +15,7 @@ import numpy as np
 
 from hexakin.checks import Array
 from hexakin.contact.cone import ConeMemory, ConeProblem, cone_memory, solve_cone
-from hexakin.contact.last_resorts import improve, soften
+from hexakin.contact.last_resorts import soften, solve_hard_cone
 from hexakin.contact.lcp import solve_polyhedron
 from hexakin.contact.mass import (
     Factor,
@@ -35,7 +35,11 @@ from hexakin.numerics.display import short_repr
 from hexakin.numerics.numba_cache import Whole, inlined, no_new_arrays, part
 
 HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
-_ROUNDS = 12  # of the active-set iteration; in about 1 of 500 hard random problems it repeats itself
+CALLS, STRICT, FAILED, CONTACTS, SERVOS = range(5)  # in Hints.state
+_HINTS = 4  # first guesses that are kept for one step; a step has hardly ever more than one hard problem
+ROUNDING = 1e-9  # relative residual that rounding errors may cause with redundant contacts
+_TOGETHER = 8  # rounds in which all servos change their states that do not fit; this can repeat itself for ever ...
+_ROUNDS = 60  # ... so that afterwards one servo changes in each round, up to this number of rounds
 
 
 class Servos(NamedTuple):
@@ -69,6 +73,28 @@ class Accuracy(NamedTuple):
     max_sweeps: int
 
 
+class Hints(NamedTuple):
+    """First guesses for contact problems that ``solve_cone`` does not solve without them.
+
+    Parameters
+    ----------
+    p
+        Impulses (k, rows).
+    call
+        Which contact problem of a step each guess is for, (k,): 1 for the first; 0 for none.
+    state
+        Integers (5,). CALLS: number of contact problems so far. STRICT: whether to stop at one that is not solved.
+        FAILED: its number, 0 for none; CONTACTS and SERVOS: its size.
+    """
+
+    p: Array
+    call: Whole
+    state: Whole
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+
 class System(NamedTuple):
     """Bodies, the contacts that act on them, and the memory to solve for their impulses.
 
@@ -83,6 +109,7 @@ class System(NamedTuple):
     rows: Rows
     cone: ConeProblem
     memory: ConeMemory
+    hints: Hints
     bias: Array
     p: Array
     u: Array
@@ -99,33 +126,35 @@ def system_memory(mass: Mass, contacts: int, servos: int) -> System:
     cone = ConeProblem(
         np.zeros((size, size)), *(np.zeros(k) for k in (size, contacts, contacts, servos, servos))
     )  # fmt: skip
+    hints = Hints(np.zeros((_HINTS, size)), np.zeros(_HINTS, dtype=np.int64), np.array([0, 1, 0, 0, 0]))
     vectors = (np.zeros(k) for k in (contacts, size, size, nv, nv))
-    return System(mass, factor_memory(mass), row_memory(mass, size), cone, cone_memory(size), *vectors)
+    return System(mass, factor_memory(mass), row_memory(mass, size), cone, cone_memory(size), hints, *vectors)
 
 
 @inlined
 def _solve_contacts(
     cone: ConeProblem,
     memory: ConeMemory,
+    hints: Hints,
     contacts: int,
     servos: int,
     p: Array,
     u: Array,
     accuracy: Accuracy,
     facets: int | None,
-    thorough: bool | None,
 ) -> tuple[float, int]:
-    """Solve with the polyhedron of a number of ``facets``, or else with the exact cone.
-
-    If it fails and ``thorough`` is True, other first guesses are tried.
-    """
-    # With None as the type of facets or of thorough, numba leaves the code out that is not needed then.
+    """Solve with the polyhedron of a number of ``facets``, or else with the exact cone, from a hint if there is one."""
+    # With None as the type of facets, numba leaves the polyhedron's code out.
     if facets is not None:
         return solve_polyhedron(cone, contacts, servos, facets, p, u, accuracy.tolerance, accuracy.max_sweeps)
+    hints.state[CALLS] += 1
+    for k in range(hints.call.size):
+        if hints.call[k] == hints.state[CALLS]:
+            for i in range(3 * contacts + servos):
+                p[i] = hints.p[k, i]
     residual, sweeps = solve_cone(cone, contacts, servos, p, u, accuracy.tolerance, accuracy.max_sweeps, memory)
-    if thorough is not None and not residual <= accuracy.tolerance:
-        residual, used = improve(cone, contacts, servos, p, u, residual, accuracy.tolerance, memory)
-        sweeps += used
+    if hints.state[STRICT] and not residual <= max(accuracy.tolerance, ROUNDING):
+        hints.state[FAILED], hints.state[CONTACTS], hints.state[SERVOS] = hints.state[CALLS], contacts, servos
     return residual, sweeps
 
 
@@ -138,18 +167,17 @@ def solve_impulses(
     v: Array,
     accuracy: Accuracy,
     facets: int | None,
-    thorough: bool | None,
 ) -> tuple[float, int]:
     """Solve in place for the impulses ``system.p``, ``servos.impulse`` and the velocities ``system.u``, ``v`` (nv,).
 
     ``contacts`` is the number n of contacts and ``r`` (nv,) the momentum. ``servos.state`` is the first guess and
     receives the result. ``facets`` is the number of facets of the friction polyhedron, or None for the exact cone.
-    ``thorough`` is True if other first guesses are to be tried where the cone is not solved, or else None. Returns the
-    residual and the number of sweeps (or pivots) of the contact solver.
+     Returns the residual and the number of sweeps (or pivots)
+    of the contact solver.
     """
     mass, factor, rows, cone, size = system.mass, system.factor, system.rows, system.cone, 3 * contacts
     sweeps, none = 0, 0 * contacts  # with a literal 0, numba would compile the solver a second time
-    for _ in range(_ROUNDS):
+    for turn in range(_ROUNDS):
         _hold(system, servos, r, v)
         if not factorise(mass, factor):
             return np.inf, sweeps
@@ -161,13 +189,15 @@ def solve_impulses(
         for c in range(contacts):
             cone.g[3 * c + 2] += system.bias[c]
         residual, used = _solve_contacts(
-            cone, system.memory, contacts, none, system.p, system.u, accuracy, facets, thorough
+            cone, system.memory, system.hints, contacts, none, system.p, system.u, accuracy, facets
         )
         sweeps += used
-        velocities(mass, factor, rows, size, system.p, v)
-        if servos.joint.size == 0 or not _switched(system, servos, size, r, v):
+        if system.hints.state[FAILED] > 0:
             return residual, sweeps
-    residual, used = _solve_together(system, servos, contacts, r, v, accuracy, facets, thorough)
+        velocities(mass, factor, rows, size, system.p, v)
+        if servos.joint.size == 0 or not _switched(system, servos, size, r, v, turn >= _TOGETHER):
+            return residual, sweeps
+    residual, used = _solve_together(system, servos, contacts, r, v, accuracy, facets)
     return residual, sweeps + used
 
 
@@ -192,8 +222,12 @@ def _hold(system: System, servos: Servos, r: Array, v: Array) -> None:
 
 
 @inlined
-def _switched(system: System, servos: Servos, size: int, r: Array, v: Array) -> bool:
-    """Compute the servos' impulses; change the states that do not fit them, and return whether there are any."""
+def _switched(system: System, servos: Servos, size: int, r: Array, v: Array, one: bool) -> bool:
+    """Compute the servos' impulses; change the states that do not fit them, and return whether there are any.
+
+    If only ``one`` may change it is that with the least index; for linear problems this ends (K. G. Murty, "Note on a
+    Bard-type scheme for solving the complementarity problem", 1974).
+    """
     mass, total = system.mass, system.total
     multiply(mass, v, total)
     for i in range(v.size):
@@ -207,12 +241,13 @@ def _switched(system: System, servos: Servos, size: int, r: Array, v: Array) -> 
             value = total[i]
             servos.impulse[k] = value
             slack = 1e-10 * (high - low)
-            if value > high + slack or value < low - slack:
+            if (value > high + slack or value < low - slack) and not (one and changed):
                 servos.state[k] = AT_HIGH if value > high else AT_LOW
                 changed = True
         else:
             servos.impulse[k] = high if servos.state[k] == AT_HIGH else low
-            if (v[i] - servos.target[k]) * servos.state[k] > 1e-12 * (1.0 + abs(servos.target[k])):
+            misfit = (v[i] - servos.target[k]) * servos.state[k] > 1e-12 * (1.0 + abs(servos.target[k]))
+            if misfit and not (one and changed):
                 servos.state[k] = HOLDS
                 changed = True
     return changed
@@ -227,7 +262,6 @@ def _solve_together(
     v: Array,
     accuracy: Accuracy,
     facets: int | None,
-    thorough: bool | None,
 ) -> tuple[float, int]:
     """Solve for the impulses of contacts and servos together; the arguments are those of ``solve_impulses``."""
     mass, factor, rows, cone, size = system.mass, system.factor, system.rows, system.cone, 3 * contacts
@@ -248,7 +282,7 @@ def _solve_together(
     for k in range(servos.joint.size):
         cone.g[size + k] -= servos.target[k]
     residual, used = _solve_contacts(
-        cone, system.memory, contacts, driven, system.p, system.u, accuracy, facets, thorough
+        cone, system.memory, system.hints, contacts, driven, system.p, system.u, accuracy, facets
     )  # fmt: skip
     velocities(mass, factor, rows, size + driven, system.p, v)
     for k in range(servos.joint.size):
@@ -272,6 +306,31 @@ def _servo_row(mass: Mass, rows: Rows, row: int, joint: int) -> None:
                 rows.on_base[row, 0, a] = 0.0
             for j in range(start, mass.leg_start[leg + 1]):
                 rows.on_leg[row, 0, j - start] = 1.0 if j == joint else 0.0
+
+
+def begin(hints: Hints) -> None:
+    """Forget the hints: the next problems are those of another step."""
+    hints.call[:] = 0
+    hints.state[:] = 0, 1, 0, 0, 0
+
+
+def give_hint(system: System, accuracy: Accuracy) -> None:
+    """Solve the contact problem at which a step has stopped by all means; its solution is a hint for the repeated step.
+
+    If it is not solved, or is not even with its hint, the repeated step will not stop at such problems.
+    """
+    hints = system.hints
+    number, contacts, servos = hints.state[[FAILED, CONTACTS, SERVOS]].tolist()
+    place = int((hints.call > 0).sum())
+    x, w = np.zeros(system.p.size), np.zeros(system.p.size)
+    hints.state[[CALLS, FAILED]] = 0
+    if number in hints.call or place == _HINTS:
+        hints.state[STRICT] = 0
+        return
+    solve_hard_cone(
+        system.cone, contacts, servos, x, w, max(accuracy.tolerance, ROUNDING), system.memory
+    )  # fmt: skip
+    hints.p[place], hints.call[place] = x, number
 
 
 class Impact(NamedTuple):
@@ -307,7 +366,6 @@ def solve_impact(
     v: Array,
     accuracy: Accuracy,
     facets: int | None,
-    thorough: bool | None,
 ) -> tuple[float, int]:
     """Solve as ``solve_impulses``, with ``restitution`` xi of the contacts that strike the ground.
 
@@ -323,10 +381,10 @@ def solve_impact(
             bounces = True
             if not poisson:
                 system.bias[c] = restitution * impact.approach[c]
-    residual, sweeps = solve_impulses(system, servos, contacts, r, v, accuracy, facets, thorough)
+    residual, sweeps = solve_impulses(system, servos, contacts, r, v, accuracy, facets)
     for i in range(3 * contacts):
         impact.compression[i] = system.p[i]
-    if not (bounces and poisson):
+    if not (bounces and poisson) or system.hints.state[FAILED] > 0:
         return residual, sweeps
     multiply(system.mass, v, r)
     for i in range(3 * contacts):
@@ -338,7 +396,7 @@ def solve_impact(
         impact.servo[k] = servos.impulse[k]
         servos.low[k] -= impact.servo[k]
         servos.high[k] -= impact.servo[k]
-    second, used = solve_impulses(system, servos, contacts, r, v, accuracy, facets, thorough)
+    second, used = solve_impulses(system, servos, contacts, r, v, accuracy, facets)
     for i in range(3 * contacts):
         system.p[i] += impact.compression[i]
     for c in range(contacts):

@@ -86,24 +86,3 @@ def solve_hard_cone(
         if best <= tolerance:
             break
     return best, sweeps
-
-
-@compiled
-def improve(
-    problem: ConeProblem,
-    contacts: int,
-    servos: int,
-    p: Array,
-    u: Array,
-    residual: float,
-    tolerance: float,
-    memory: ConeMemory,
-) -> tuple[float, int]:
-    """Solve as ``solve_hard_cone``, but keep ``p`` and ``u`` with their ``residual`` if the result is not better."""
-    x, w = np.zeros(p.size), np.zeros(p.size)
-    second, sweeps = solve_hard_cone(problem, contacts, servos, x, w, tolerance, memory)
-    if not second < residual:
-        return residual, sweeps
-    for i in range(3 * contacts + servos):
-        p[i], u[i] = x[i], w[i]
-    return second, sweeps

@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from hexakin.checks import Array, check_array, check_number, check_shape, check_whole, checked, read_only
 from hexakin.contact.impulses import (
+    FAILED,
+    HOLDS,
     Accuracy,
     Impact,
     Servos,
     System,
+    give_hint,
     impact_memory,
     solve_impact,
     system_memory,
@@ -184,10 +187,7 @@ def solve(
     accuracy = Accuracy(float(compliance), float(tolerance), max_iterations)
     options = (float(restitution), law == "poisson")
     with announced("the contact solvers"):
-        system, servos, impact, v, residual, iterations = _solved(problem, options, accuracy, sides, None)
-        if not residual <= tolerance and sides is None:
-            system, servos, impact, v, residual, more = _solved(problem, options, accuracy, sides, True)
-            iterations += more
+        system, servos, impact, v, residual, iterations = _solved(problem, options, accuracy, sides)
     if not residual <= tolerance:
         raise ContactError(residual, tolerance, iterations)
     n, nv = len(problem.jacobian), len(problem.momentum)
@@ -206,7 +206,6 @@ def _solved(
     restitution: tuple[float, bool],
     accuracy: Accuracy,
     facets: int | None,
-    thorough: Literal[True] | None,
 ) -> tuple[System, Servos, Impact, Array, float, int]:
     """Return what ``solve_impact`` has worked on, the velocity (nv,), the residual and the number of iterations.
 
@@ -223,17 +222,22 @@ def _solved(
     system.rows.sides[:] = 1
     system.rows.leg[: 3 * n, 0] = 0
     system.rows.on_leg[: 3 * n, 0] = problem.jacobian.reshape(3 * n, nv)
-    system.cone.mu[:], system.bias[:] = problem.friction, problem.gap_rate
+    system.cone.mu[:] = problem.friction
     impact.approach[:] = problem.approach
     impact.strikes[:] = impact.approach < 0.0
     limit = np.array(problem.servo_limit)
     state = np.zeros(m, dtype=np.int64)
     servos = Servos(problem.servo.copy(), np.array(problem.servo_velocity), -limit, limit, state, np.zeros(m))
-    v = np.zeros(nv)
-    residual, iterations = solve_impact(
-        system, servos, n, impact, *restitution, problem.momentum.copy(), v, accuracy, facets, thorough
-    )
-    return system, servos, impact, v, residual, iterations
+    v, iterations = np.zeros(nv), 0
+    while True:
+        system.bias[:], servos.state[:], system.p[:] = problem.gap_rate, HOLDS, 0.0
+        residual, used = solve_impact(
+            system, servos, n, impact, *restitution, problem.momentum.copy(), v, accuracy, facets
+        )  # fmt: skip
+        iterations += used
+        if not system.hints.state[FAILED]:
+            return system, servos, impact, v, residual, iterations
+        give_hint(system, accuracy)
 
 
 def _residuals(

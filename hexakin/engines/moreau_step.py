@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.impulses import System, solve_impact, solve_impulses
+from hexakin.contact.impulses import CALLS, FAILED, System, solve_impact, solve_impulses
 from hexakin.contact.mass import Mass, Rows, factorise, load, multiply, row_speed, velocities
 from hexakin.engines.acting_contacts import choose, guess, keep, write_bias
 from hexakin.engines.contact_search import find_contacts
@@ -54,7 +54,6 @@ def run(
     torques: Torques | None,
     law: Law,
     facets: int | None,
-    thorough: bool | None,
     state: State,
     step: Step,
     steps: int,
@@ -62,25 +61,25 @@ def run(
     """Make up to ``steps`` time steps; return how many were made, and why no more.
 
     DONE: all were made. CROWDED: more contacts were found than ``step`` has memory for; the caller calls again with
-    more. UNSOLVED: contact forces were not found to the tolerance; the caller finishes the begun step, with 1 for
-    ``steps`` and True for ``thorough``, which is None otherwise. LOST: contact forces are not even nearly right.
+    more. UNSOLVED: contact forces were not found to the tolerance; the caller gives a hint and repeats this one step.
+    LOST: contact forces are not even nearly right.
 
     ``torques`` replace the servos if not None. ``facets`` is the number of facets of the friction polyhedron, or None
     for the exact cone.
     """
     bodies, dynamics, system, contacts, active = scene.bodies, step.dynamics, step.system, step.contacts, step.active
+    hints = system.hints
     q, v, start, after, momentum, h = state.q, state.v, step.start, step.after, step.momentum, law.h
     for made in range(steps):
         if signals_raise() != 0:
             raise Interrupted
-        if thorough is None:  # otherwise this step has been begun
-            update(bodies, q, v, dynamics)
-            if drive.command.size == 0:
-                _center_bias(bodies, system, dynamics, h, q, v, after, momentum)
-            _write_poses(bodies, scene.places, q, dynamics, step.poses)
-            step.found[0] = find_contacts(
-                step.poses, scene.shapes, scene.ground, scene.meeting, law.search_distance, contacts, step.posed
-            )
+        update(bodies, q, v, dynamics)
+        if drive.command.size == 0:
+            _center_bias(bodies, system, dynamics, h, q, v, after, momentum)
+        _write_poses(bodies, scene.places, q, dynamics, step.poses)
+        step.found[0] = find_contacts(
+            step.poses, scene.shapes, scene.ground, scene.meeting, law.search_distance, contacts, step.posed
+        )
         found = step.found[0]
         if found > active.contact.size:
             return made, CROWDED
@@ -93,6 +92,9 @@ def run(
             start[i] = v[i]
         for i in range(3 * count):
             active.blow[i] = 0.0
+        for k in range(drive.before.size):
+            drive.before[k] = drive.servos.state[k]
+        hints.state[CALLS] = 0
         residual, rest = 0.0, h
         if struck:
             # An impact takes no time: servos have no effect on it. On average it occurs in the middle of the step.
@@ -104,7 +106,7 @@ def run(
                 system.p[i] = 0.0
             residual, _ = solve_impact(
                 system, drive.idle, closed, step.impact, law.restitution, law.poisson, momentum, start, law.accuracy,
-                facets, thorough,
+                facets,
             )  # fmt: skip
             for i in range(3 * closed):
                 active.blow[i] = system.p[i]
@@ -113,13 +115,15 @@ def run(
         guess(state.last, contacts.key, active, count, system.p)
         if torques is None:
             _aim(drive, bodies.joint_q, q, law)
-            last, _ = solve_impulses(system, drive.servos, count, momentum, after, law.accuracy, facets, thorough)
+            last, _ = solve_impulses(system, drive.servos, count, momentum, after, law.accuracy, facets)
         else:
             last = solve_torques(
-                bodies, scene.places, drive, torques, law, count, facets, thorough, q, system, momentum, after
+                bodies, scene.places, drive, torques, law, count, facets, q, system, momentum, after
             )  # fmt: skip
         residual = max(residual, last) if last == last else np.inf
-        if thorough is None and facets is None and not residual <= law.accuracy.tolerance:
+        if hints.state[FAILED] > 0:
+            for k in range(drive.before.size):
+                drive.servos.state[k] = drive.before[k]
             return made, UNSOLVED
         _add_up(bodies, drive, system.mass, system.rows, active, count, system.p, v, start, after, state.sums)
         _add_impulses(contacts.gap, contacts.group, active, count, system.p, state.sums)

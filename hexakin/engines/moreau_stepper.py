@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hexakin.checks import Array, check_array, check_number, check_whole
-from hexakin.contact.impulses import HOLDS, Accuracy
+from hexakin.contact.impulses import HOLDS, Accuracy, begin, give_hint
 from hexakin.contact.impulses import Servos as Driven
 from hexakin.contact.problem import check_facets
 from hexakin.dynamics import pin
@@ -162,15 +162,15 @@ class MoreauStepper:
         order = self._scene.places.joint_of.tolist()
         driven = np.array([order.index(joint) for joint in servos.joints] if servos else [], dtype=np.int64)
         count = len(driven)
-        self._drive = Drive(np.zeros(count), _driven(driven), _driven(driven[:0]))
+        self._drive = Drive(np.zeros(count), _driven(driven), _driven(driven[:0]), np.zeros(count, dtype=np.int64))
         self._torques = Torques(*(np.zeros(count) for _ in range(3)))
         self._state = state_memory(model.nq, model.nv, groups)
         self._state.q[:] = pin.neutral(model)
         self._facets = check_facets(facets)
         self._step = step_memory(bodies, self._scene.shapes, model.njoints, count, _CONTACTS)
         self.steps = 0
-        self._runs: dict[tuple[bool, bool], Callable[..., tuple[int, int]]] = {}
-        self._go_on(by_torque=False, thorough=False, steps=0)
+        self._runs: dict[bool, Callable[..., tuple[int, int]]] = {}
+        self._go_on(by_torque=False, steps=0)
         self._drift = entry(drift, bodies, self._state.q, self._state.v, 0.0)
 
     @property
@@ -254,24 +254,30 @@ class MoreauStepper:
             rate_moment=sums.rate_moment.copy(),
         )
 
-    def _go_on(self, by_torque: bool, thorough: bool, steps: int) -> tuple[int, int]:
+    def _go_on(self, by_torque: bool, steps: int) -> tuple[int, int]:
         """Call ``moreau_step.run``, compiled for these kinds of arguments when they first occur."""
         arguments = (
-            self._scene, self._drive, self._torques if by_torque else None, self._law, self._facets,
-            True if thorough else None, self._state, self._step,
+            self._scene, self._drive, self._torques if by_torque else None, self._law, self._facets, self._state,
+            self._step,
         )  # fmt: skip
-        if (by_torque, thorough) not in self._runs:
+        if by_torque not in self._runs:
             with announced("the rigid engine"):
-                self._runs[by_torque, thorough] = entry(run, *arguments, 0)
-        return self._runs[by_torque, thorough](*arguments, steps)
+                self._runs[by_torque] = entry(run, *arguments, 0)
+        return self._runs[by_torque](*arguments, steps)
 
     def _advance(self, num_steps: int, by_torque: bool) -> None:
-        left, thorough = num_steps, False
+        left, hard = num_steps, False
         while left > 0:
-            made, why = self._go_on(by_torque, thorough, 1 if thorough else left)
+            made, why = self._go_on(by_torque, 1 if hard else left)
             self.steps += made
             left -= made
-            step, thorough = self._step, why == UNSOLVED
+            step = self._step
+            if why == UNSOLVED:
+                hard = True
+                give_hint(step.system, self._law.accuracy)
+            elif hard:
+                hard = False
+                begin(step.system.hints)
             if why == LOST:
                 self.steps += 1
                 self._fail(float(self._state.sums.totals[3]))

@@ -39,7 +39,7 @@ class RigidEngine(Engine):
     no radius, and UnknownNameError for an unknown ``restitution_law``.
     """
 
-    packages = ("pin", "coal", "numba")
+    packages = ("pin", "numba")
 
     def __init__(
         self,

@@ -92,12 +92,14 @@ class Drive(NamedTuple):
     """How m joints are driven; changed in place between two calls of ``MoreauStepper.advance``.
 
     ``command`` (m,) [rad] are the wanted angles. ``servos`` are the servos with their states, which stay from step to
-    step; ``idle`` are no servos, for impacts and torques.
+    step; ``idle`` are no servos, for impacts and torques. ``before`` (m,) are the servos' states
+    before the step.
     """
 
     command: Array
     servos: Servos
     idle: Servos
+    before: Whole
 
     def __repr__(self) -> str:
         return short_repr(self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hexakin.checks import Array
-from hexakin.contact.impulses import AT_HIGH, AT_LOW, HOLDS, System, solve_impulses
+from hexakin.contact.impulses import AT_HIGH, AT_LOW, FAILED, HOLDS, System, solve_impulses
 from hexakin.engines.leg_dynamics import Bodies
 from hexakin.engines.step_values import Drive, Law, Places, Torques
 from hexakin.numerics.numba_cache import Whole, inlined, part
@@ -22,7 +22,6 @@ def solve_torques(
     law: Law,
     contacts: int,
     facets: int | None,
-    thorough: bool | None,
     q: Array,
     system: System,
     r: Array,
@@ -41,7 +40,9 @@ def solve_torques(
     for _ in range(_ROUNDS):
         for k in range(servos.joint.size):
             _apply(bodies, places, drive, torques, law, q, k, 1.0, system.mass.block, r)
-        residual, _ = solve_impulses(system, drive.idle, contacts, r, v, law.accuracy, facets, thorough)
+        residual, _ = solve_impulses(system, drive.idle, contacts, r, v, law.accuracy, facets)
+        if system.hints.state[FAILED] > 0:
+            return residual
         changed = False
         for k in range(servos.joint.size):
             _apply(bodies, places, drive, torques, law, q, k, -1.0, system.mass.block, r)

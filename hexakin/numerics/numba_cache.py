@@ -153,7 +153,7 @@ def compiled(function: _Function) -> _Function:
     """Compile ``function`` at its first call and store the machine code, if a folder can be written."""
     # It is said that references are counted: a function would take over from its first caller that they are not.
     jit: Any = numba.njit
-    return _stored(jit(error_model="numpy", _nrt=True)(function), function)
+    return _stored(jit(error_model="numpy", _nrt=True, no_cfunc_wrapper=True)(function), function)
 
 
 def no_new_arrays(function: _Function) -> _Function:
@@ -163,7 +163,7 @@ def no_new_arrays(function: _Function) -> _Function:
     of the time of a short function whose arguments are named tuples with many arrays.
     """
     jit: Any = numba.njit
-    return _stored(jit(error_model="numpy", _nrt=False)(function), function)
+    return _stored(jit(error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function), function)
 
 
 # Options of functions that are called by compiled functions alone.
