@@ -111,7 +111,8 @@ def find_contacts(
     poses, each as a rotation, column by column, and a translation [m]. ``meeting`` (k, 2) are the pairs of shapes that
     can meet, as numbers: spheres come first, then boxes; None if no shapes can meet.
     """
-    count, number, x = 0, 0, contacts.scratch.point
+    none = 0 * shapes.sphere_joint.size  # with a literal 0, numba would compile the search a second time
+    count, number, x = none, none, contacts.scratch.point
     for k in range(shapes.sphere_joint.size):
         joint, S = shapes.sphere_joint[k], posed.sphere[k]
         _center(poses[joint], shapes.sphere[k], S)
@@ -124,6 +125,9 @@ def find_contacts(
     for k in range(shapes.box_joint.size):
         P, B, joint, group = poses[shapes.box_joint[k]], shapes.box[k], shapes.box_joint[k], shapes.box_group[k]
         _center(P, B, center)
+        if meeting is None and _is_far(ground, center, np.sqrt(B[3] * B[3] + B[4] * B[4] + B[5] * B[5]) + margin):
+            number += 8
+            continue
         _rotation(P, shapes.box_rotation[k], R)
         for a in range(3):
             posed.box[k, 9 + a], posed.box[k, 12 + a] = center[a], B[3 + a]
@@ -144,6 +148,16 @@ def find_contacts(
                 count = _on_boxes(ground, joint, group, R, posed.box[k], margin, posed, contacts, count)
         number += 8
     return _of_bodies(meeting, shapes, margin, posed, contacts, count)
+
+
+@inlined
+def _is_far(ground: Ground, center: Array, reach: float) -> bool:
+    """Whether ``ground`` is surely farther than ``reach`` [m] from ``center`` (3,) [m]."""
+    for k in range(ground.planes.shape[0]):
+        P = ground.planes[k]
+        if (center[0] - P[0]) * P[3] + (center[1] - P[1]) * P[4] + (center[2] - P[2]) * P[5] <= reach:
+            return False
+    return center[2] - reach > ground.highest
 
 
 @part

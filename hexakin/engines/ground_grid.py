@@ -46,6 +46,8 @@ class Ground(NamedTuple):
         Greatest height (cells,) [m] of the items of each cell; -inf for a cell without items.
     field
         The height field, or a field without points.
+    highest
+        Greatest height [m] of all but the planes; -inf if there are only planes.
     """
 
     planes: Array
@@ -59,6 +61,7 @@ class Ground(NamedTuple):
     items: Whole
     top: Array
     field: Field
+    highest: float
 
     def __repr__(self) -> str:
         return short_repr(self)
@@ -111,7 +114,8 @@ def compile_ground(terrain: Terrain) -> Ground:
     top = np.full(total, -np.inf)
     np.maximum.at(top, number, heights[owner])
     half_spaces = np.array(planes, dtype=float).reshape(-1, 6)
-    return Ground(half_spaces, solid, triangles, vertices, corner, cell, cells, start, items, top, field)
+    highest = float(max(top.max(), field.bounds[:, 1].max(initial=-np.inf)))
+    return Ground(half_spaces, solid, triangles, vertices, corner, cell, cells, start, items, top, field, highest)
 
 
 @part
