@@ -36,10 +36,10 @@ from hexakin.numerics.numba_cache import Whole, inlined, no_new_arrays, part
 
 HOLDS, AT_LOW, AT_HIGH = 0, -1, 1
 CALLS, STRICT, FAILED, CONTACTS, SERVOS = range(5)  # in Hints.state
-_HINTS = 4  # first guesses that are kept for one step; a step has hardly ever more than one hard problem
 ROUNDING = 1e-9  # relative residual that rounding errors may cause with redundant contacts
 _TOGETHER = 8  # rounds in which all servos change their states that do not fit; this can repeat itself for ever ...
 _ROUNDS = 60  # ... so that afterwards one servo changes in each round, up to this number of rounds
+_HINTS = _ROUNDS + 3  # one for each problem of a step: the rounds, two phases of an impact, all together
 
 
 class Servos(NamedTuple):
@@ -172,8 +172,7 @@ def solve_impulses(
 
     ``contacts`` is the number n of contacts and ``r`` (nv,) the momentum. ``servos.state`` is the first guess and
     receives the result. ``facets`` is the number of facets of the friction polyhedron, or None for the exact cone.
-     Returns the residual and the number of sweeps (or pivots)
-    of the contact solver.
+    Returns the residual and the number of sweeps (or pivots) of the contact solver.
     """
     mass, factor, rows, cone, size = system.mass, system.factor, system.rows, system.cone, 3 * contacts
     sweeps, none = 0, 0 * contacts  # with a literal 0, numba would compile the solver a second time

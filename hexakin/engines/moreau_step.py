@@ -108,6 +108,8 @@ def run(
                 system, drive.idle, closed, step.impact, law.restitution, law.poisson, momentum, start, law.accuracy,
                 facets,
             )  # fmt: skip
+            if hints.state[FAILED] > 0:  # the problem that failed is still in ``system``
+                return made, UNSOLVED
             for i in range(3 * closed):
                 active.blow[i] = system.p[i]
         _write_momentum(bodies.base_v, system.mass, dynamics.bias, v, start, rest, after, momentum)
